@@ -1,0 +1,52 @@
+"""One map over episodes for every stage, behind `concurrent.futures.Executor`."""
+
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+
+
+def _prepare_worker() -> None:
+    # Ctrl-C reaches the whole process group; the parent alone answers it, and cancels what has not started.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Workers share the cores; a numeric library that starts a thread a core in each of them slows all of them down.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+
+
+def map_episodes[T, R](
+    function: Callable[[T], R], items: Iterable[T], *, jobs: int = 1, executor: Executor | None = None
+) -> Iterator[R]:
+    """Yield `function(item)` for every item, in the order of the items, as each is done.
+
+    Args:
+        function: A picklable function of one item.
+        items: One item an episode.
+        jobs: Worker processes; 1 runs in this process, with a plain traceback.
+        executor: Any `concurrent.futures.Executor`, such as a Dask client's, used in place of local processes.
+
+    Raises:
+        Whatever `function` raises; what has not started is cancelled then.
+    """
+    if executor is not None:
+        yield from _submit_all(function, items, executor)
+        return
+    if jobs <= 1:
+        yield from map(function, items)
+        return
+    # Spawned, not forked: numeric libraries' threads do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_prepare_worker) as pool:
+        yield from _submit_all(function, items, pool)
+
+
+def _submit_all[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor) -> Iterator[R]:
+    futures: deque[Future[R]] = deque(executor.submit(function, item) for item in items)
+    try:
+        while futures:
+            yield futures.popleft().result()
+    finally:
+        for future in futures:
+            future.cancel()

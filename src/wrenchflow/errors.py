@@ -1,0 +1,57 @@
+"""The one error hierarchy: a known error is one line that says what, got, expected, and what is available."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class WrenchflowError(Exception):
+    """Anything that wrenchflow knows how to explain to a person in one line."""
+
+
+class StreamError(WrenchflowError):
+    """A stream, an event or an episode that breaks its own rules, or is not there."""
+
+
+class ConfigError(WrenchflowError):
+    """A configuration that cannot be read, or that names what does not exist."""
+
+
+class RecordingError(WrenchflowError):
+    """A file that is missing, truncated, or not what it says it is."""
+
+
+class OutputError(WrenchflowError):
+    """A place to write to that is taken, or cannot be written."""
+
+
+class CalibrationError(WrenchflowError):
+    """A calibration that the data cannot support."""
+
+
+class DatasetError(WrenchflowError):
+    """A data set that is missing, inconsistent, or of another layout."""
+
+
+class CheckpointError(WrenchflowError):
+    """A checkpoint that is missing, damaged, or made for other data."""
+
+
+class ControlError(WrenchflowError):
+    """A robot, a simulation or a request that control cannot go on with."""
+
+
+def unknown(what: str, got: str, available: Iterable[str]) -> str:
+    """Word the message for a name that does not exist, with the nearest one that does.
+
+    Args:
+        what: The kind of thing that was asked for, such as `task`.
+        got: The name that was given.
+        available: The names that exist.
+
+    Returns:
+        One line that ends with all available names.
+    """
+    names = sorted(available)
+    near = get_close_matches(got, names, n=1)
+    hint = f" Did you mean '{near[0]}'?" if near else ""
+    return f"unknown {what} '{got}'.{hint} Available: {', '.join(names) or 'none'}."

@@ -1,0 +1,103 @@
+"""Output folders: made under another name, renamed when whole, with a manifest that says what made them."""
+
+import hashlib
+import importlib.metadata
+import json
+import os
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from wrenchflow import __version__
+from wrenchflow.config import to_mapping
+from wrenchflow.errors import OutputError, RecordingError
+
+NAME = "manifest.json"
+_RECORDED_PACKAGES = ("numpy", "scipy", "numba", "mujoco", "mcap", "h5py", "pyarrow", "torch", "diffusers")
+
+
+def _versions() -> dict[str, str]:
+    found = {"wrenchflow": __version__}
+    for package in _RECORDED_PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue  # An optional package that this machine does without.
+    return found
+
+
+def sha256_of(path: Path) -> str:
+    """Hash of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_manifest(folder: Path, stage: str, config: Any, inputs: Iterable[Path] = (), seed: int | None = None) -> None:
+    """Write `manifest.json`: the resolved config, versions, seed and input hashes. No wall time, no host name."""
+    manifest = {
+        "stage": stage,
+        "config": to_mapping(config),
+        "seed": seed,
+        "versions": _versions(),
+        "inputs": {path.name: sha256_of(path) for path in sorted(inputs)},
+    }
+    write_json(folder / NAME, manifest)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Read a folder's `manifest.json`.
+
+    Raises:
+        RecordingError: If there is none, or it is not JSON.
+    """
+    return read_json(folder / NAME)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON through `<name>.partial`, so that a crash leaves no file that looks whole."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n")
+    os.replace(partial, path)
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file, or say in one line why it cannot be read."""
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError as error:
+        raise RecordingError(f"'{path}' does not exist.") from error
+    except (json.JSONDecodeError, UnicodeDecodeError, OSError) as error:
+        raise RecordingError(f"'{path}' cannot be read as JSON: {error}") from error
+
+
+@contextmanager
+def output_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Make a folder as `<name>.partial`, and rename it when the block ends well.
+
+    Args:
+        path: Where the finished folder goes.
+        overwrite: Replace a folder that is there; it is removed only once the new one is whole.
+
+    Yields:
+        The folder to write into. After an error or Ctrl-C it stays behind under its `.partial` name.
+
+    Raises:
+        OutputError: If `path` exists and may not be replaced.
+    """
+    if path.exists() and not overwrite:
+        raise OutputError(f"output '{path}' exists already. Choose another place, or pass --overwrite.")
+    partial = path.with_name(path.name + ".partial")
+    try:
+        if partial.exists():
+            shutil.rmtree(partial)
+        partial.mkdir(parents=True)
+    except OSError as error:
+        raise OutputError(f"output '{path}' cannot be made: {error.strerror}.") from error
+    yield partial
+    if path.is_dir():
+        shutil.rmtree(path)
+    elif path.exists():
+        path.unlink()
+    os.replace(partial, path)
