@@ -1,20 +1,26 @@
 """Shape checks on every function with a jaxtyping signature, and reproducible property tests."""
 
+import importlib.util
 import pkgutil
+from pathlib import Path
 
 import hypothesis
 from jaxtyping import install_import_hook
 
 import wrenchflow
 
-# Compiled kernels are left alone: the hook would wrap functions that numba has to see bare.
-KERNELS = {"wrenchflow.filtering", "wrenchflow.control.impedance", "wrenchflow.control.governor", "wrenchflow.sim.engine"}
+
+def _is_kernel(name: str) -> bool:
+    # Compiled kernels are left alone: the hook would wrap functions that numba has to see bare.
+    spec = importlib.util.find_spec(name)
+    return spec is None or spec.origin is None or "wrenchflow.compiled import" in Path(spec.origin).read_text()
+
 
 _hook = install_import_hook(
     [
         module.name
         for module in pkgutil.walk_packages(wrenchflow.__path__, "wrenchflow.")
-        if not module.ispkg and module.name not in KERNELS
+        if not module.ispkg and not _is_kernel(module.name)
     ],
     "beartype.beartype",
 )

@@ -34,8 +34,18 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def write_manifest(folder: Path, stage: str, config: Any, inputs: Iterable[Path] = (), seed: int | None = None) -> None:
-    """Write `manifest.json`: the resolved config, versions, seed and input hashes. No wall time, no host name."""
+def write_manifest(
+    folder: Path,
+    stage: str,
+    config: Any,
+    inputs: Iterable[Path] = (),
+    seed: int | None = None,
+    name: str = NAME,
+) -> None:
+    """Write `manifest.json`: the resolved config, versions, seed and input hashes. No wall time, no host name.
+
+    A folder that several outputs share has a manifest of another `name` for each.
+    """
     manifest = {
         "stage": stage,
         "config": to_mapping(config),
@@ -43,7 +53,7 @@ def write_manifest(folder: Path, stage: str, config: Any, inputs: Iterable[Path]
         "versions": _versions(),
         "inputs": {path.name: sha256_of(path) for path in sorted(inputs)},
     }
-    write_json(folder / NAME, manifest)
+    write_json(folder / name, manifest)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -1,13 +1,22 @@
 """What a policy sees and does at one step: sampled in the same way from a recording and from a running robot."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float32, Int64
+from jaxtyping import Float, Float32, Int64
 
-from wrenchflow.errors import DatasetError
+from wrenchflow import sampling
+from wrenchflow.episode import Stream
+from wrenchflow.errors import DatasetError, unknown
+from wrenchflow.signals import ARM_JOINTS, JOINTS, POSE, TWIST, WRENCH
+from wrenchflow.spatial import rot6d_of, rotation_of
+
+WINDOW_LENGTH = 50
+MEAN_NS = 100_000_000
+# How far back an observation looks, the goal apart. See `observe` for what a running robot has to keep.
+HISTORY_NS = 150_000_000
 
 # The observations of a step, by name, with the shape of one step's value. All are in the base frame and SI units.
 OBSERVATIONS: Mapping[str, tuple[int, ...]] = MappingProxyType(
@@ -18,7 +27,7 @@ OBSERVATIONS: Mapping[str, tuple[int, ...]] = MappingProxyType(
         "joint_velocity": (7,),  # [rad/s]: between the two nearest samples
         "wrench": (6,),  # [N, N.m] about the TCP: the last causally filtered sample
         "wrench_mean": (6,),  # the mean of the filtered samples of the last 100 ms
-        "wrench_window": (50, 6),  # the last 50 filtered samples, oldest first
+        "wrench_window": (WINDOW_LENGTH, 6),  # the last 50 filtered samples, oldest first
         "goal_pose": (7,),  # the task's goal as perceived: held since it was last said
     }
 )
@@ -35,6 +44,7 @@ class Steps:
         period_ns: Time between steps [ns].
         observations: By name; `OBSERVATIONS` gives shapes and units. Shape (T, ...).
         actions: Target position [m] and rot6d. Shape (T, 9).
+        success: Whether the attempt reached its goal; False where nobody said so.
     """
 
     episode_id: str
@@ -42,6 +52,7 @@ class Steps:
     period_ns: int
     observations: Mapping[str, Float32[np.ndarray, "T ..."]]
     actions: Float32[np.ndarray, "T 9"]
+    success: bool = False
 
     def __post_init__(self) -> None:
         for name, values in self.observations.items():
@@ -56,3 +67,130 @@ class Steps:
 
     def __len__(self) -> int:
         return len(self.t)
+
+
+def observe(
+    streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"], names: Collection[str] = OBSERVATIONS
+) -> dict[str, Float32[np.ndarray, "T ..."]]:
+    """Sample what a policy sees: the one rule for recordings and for running robots.
+
+    A value is the same, bit for bit, whether it is asked of a whole recording or of the last samples of each stream.
+    Those have to reach back to the last sample at or before t - `HISTORY_NS`, or to the start of the stream;
+    `goal_pose` back to the last one that was said. Nothing is extrapolated, and nothing bridges a gap of more than
+    `sampling.MAX_GAP_NS`.
+
+    A rotation has two quaternions. The one with a positive qx is taken: it depends on nothing but the pose, and it
+    flips only where the tool is turned by 180 degrees away from pointing straight down (0, 1, 0, 0), where qw, the
+    usual choice, changes sign all the time.
+
+    Args:
+        streams: `tcp_pose`, `tcp_twist`, `joint_states`, `wrench` (as `process` adds it) and `goal_pose`; those that
+            `names` need.
+        t_ns: Times of the steps [ns]. Shape (T,).
+        names: Which of `OBSERVATIONS`.
+
+    Returns:
+        Values by name, in the order of `OBSERVATIONS`. Shape (T, ...).
+
+    Raises:
+        DatasetError: If a stream is missing, does not cover a step, has a gap there, or is not finite.
+    """
+    for name in names:
+        if name not in OBSERVATIONS:
+            raise DatasetError(unknown("observation", name, OBSERVATIONS))
+    return {name: _single(_RULES[name](streams, t_ns), t_ns, name) for name in OBSERVATIONS if name in names}
+
+
+def actions(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"], period_ns: int) -> Float32[np.ndarray, "T 9"]:
+    """What was asked for at each step: the last `target_pose` at or before the next one.
+
+    Args:
+        streams: With `target_pose`, in the base frame.
+        t_ns: Times of the steps [ns]. Shape (T,).
+        period_ns: Time to the next step [ns].
+
+    Returns:
+        Position [m] and rot6d of the target. Shape (T, 9).
+
+    Raises:
+        DatasetError: If `target_pose` is missing, does not cover a step, has a gap there, or is not finite.
+    """
+    target = sampling.take(streams, "target_pose", POSE)
+    t_action_ns = t_ns + period_ns
+    if len(t_ns) and t_action_ns[-1] > target.t[-1]:
+        raise DatasetError(
+            f"stream 'target_pose' ends at {target.t[-1]} ns, before the action at {t_action_ns[-1]} ns."
+        )
+    pose = sampling.latest(target, t_action_ns, "target_pose")
+    sampling.refuse_non_poses(pose, t_action_ns, "target_pose")
+    action = np.concatenate([pose[:, :3], rot6d_of(rotation_of(pose[:, 3:]))], axis=1)
+    return _single(action, t_ns, "action")
+
+
+def _single(
+    values: Float[np.ndarray, "T ..."], t_ns: Int64[np.ndarray, " T"], name: str
+) -> Float32[np.ndarray, "T ..."]:
+    with np.errstate(over="ignore"):  # What single precision cannot hold becomes infinite, and is refused below.
+        single = values.astype(np.float32)
+    bad = ~np.isfinite(single).reshape(len(single), -1).all(axis=1)
+    if bad.any():
+        raise DatasetError(f"'{name}' is not finite at the step at {t_ns[bad][0]} ns.")
+    return single
+
+
+def _one_sign(pose: Float[np.ndarray, "T 7"]) -> Float[np.ndarray, "T 7"]:
+    sign = np.where(pose[:, 4:5] < 0.0, -1.0, 1.0)
+    return np.concatenate([pose[:, :3], sign * pose[:, 3:]], axis=1)
+
+
+type _Rule = Callable[[Mapping[str, Stream], Int64[np.ndarray, " T"]], Float[np.ndarray, "T ..."]]
+
+
+def _tcp_pose(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 7"]:
+    return _one_sign(sampling.pose(sampling.take(streams, "tcp_pose", POSE), t_ns, "tcp_pose"))
+
+
+def _tcp_twist(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 6"]:
+    return sampling.linear(sampling.take(streams, "tcp_twist", TWIST), t_ns, "tcp_twist")
+
+
+def _joint_position(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 7"]:
+    joints = sampling.take(streams, "joint_states", JOINTS)
+    return sampling.linear(joints, t_ns, "joint_states")[:, :ARM_JOINTS]
+
+
+def _joint_velocity(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 7"]:
+    joints = sampling.take(streams, "joint_states", JOINTS)
+    return sampling.linear(joints, t_ns, "joint_states")[:, ARM_JOINTS : 2 * ARM_JOINTS]
+
+
+def _wrench(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 6"]:
+    return sampling.latest(sampling.take(streams, "wrench", WRENCH), t_ns, "wrench")
+
+
+def _wrench_mean(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 6"]:
+    return sampling.mean(sampling.take(streams, "wrench", WRENCH), t_ns, "wrench", MEAN_NS)
+
+
+def _wrench_window(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T w 6"]:
+    return sampling.window(sampling.take(streams, "wrench", WRENCH), t_ns, "wrench", WINDOW_LENGTH, HISTORY_NS)
+
+
+def _goal_pose(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 7"]:
+    goal = sampling.held(sampling.take(streams, "goal_pose", POSE), t_ns, "goal_pose")
+    sampling.refuse_non_poses(goal, t_ns, "goal_pose")
+    return _one_sign(goal)
+
+
+_RULES: Mapping[str, _Rule] = MappingProxyType(
+    {
+        "tcp_pose": _tcp_pose,
+        "tcp_twist": _tcp_twist,
+        "joint_position": _joint_position,
+        "joint_velocity": _joint_velocity,
+        "wrench": _wrench,
+        "wrench_mean": _wrench_mean,
+        "wrench_window": _wrench_window,
+        "goal_pose": _goal_pose,
+    }
+)

@@ -1,39 +1,48 @@
 """Poses, rotations, and the change of frame of wrenches and twists.
 
 A pose is seven numbers, position [m] and unit quaternion (wxyz); `T_a_b` is the pose of frame b in frame a. Rotations
-are scipy's; everything takes any number of leading axes.
+are the control core's own kernels: one source for the loop and for files, the same bits for one pose and for many.
+Everything takes any number of leading axes.
 """
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
+
+from wrenchflow import so3
 
 IDENTITY_POSE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
+def _contiguous(array: np.ndarray, *shape: int) -> np.ndarray:
+    return np.ascontiguousarray(array, np.float64).reshape(-1, *shape)
+
+
 def rotation_of(quat_wxyz: Float[np.ndarray, "*n 4"]) -> Float[np.ndarray, "*n 3 3"]:
-    """Rotation matrices of unit quaternions."""
-    flat = quat_wxyz.reshape(-1, 4)
-    return Rotation.from_quat(flat, scalar_first=True).as_matrix().reshape(*quat_wxyz.shape[:-1], 3, 3)
+    """Rotation matrices of quaternions."""
+    out = np.empty((*quat_wxyz.shape[:-1], 3, 3))
+    so3.matrices_of_quats(_contiguous(quat_wxyz, 4), out.reshape(-1, 3, 3))
+    return out
 
 
 def quat_of(rotation: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n 4"]:
     """Unit quaternions (wxyz, w >= 0) of rotation matrices."""
-    flat = rotation.reshape(-1, 3, 3)
-    quat = Rotation.from_matrix(flat).as_quat(canonical=True, scalar_first=True)
-    return quat.reshape(*rotation.shape[:-2], 4)
+    out = np.empty((*rotation.shape[:-2], 4))
+    so3.quats_of_matrices(_contiguous(rotation, 3, 3), out.reshape(-1, 4))
+    return out
 
 
 def exp_so3(rotvec_rad: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     """Rotation matrices of rotation vectors [rad]."""
-    flat = rotvec_rad.reshape(-1, 3)
-    return Rotation.from_rotvec(flat).as_matrix().reshape(*rotvec_rad.shape[:-1], 3, 3)
+    out = np.empty((*rotvec_rad.shape[:-1], 3, 3))
+    so3.matrices_of_vectors(_contiguous(rotvec_rad, 3), out.reshape(-1, 3, 3))
+    return out
 
 
 def log_so3(rotation: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n 3"]:
     """Rotation vectors [rad], of length pi at most, of rotation matrices."""
-    flat = rotation.reshape(-1, 3, 3)
-    return Rotation.from_matrix(flat).as_rotvec().reshape(*rotation.shape[:-2], 3)
+    out = np.empty((*rotation.shape[:-2], 4))
+    so3.vectors_of_matrices(_contiguous(rotation, 3, 3), out.reshape(-1, 4))
+    return out[..., :3]
 
 
 def rot6d_of(rotation: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n 6"]:
@@ -49,7 +58,7 @@ def rotation_of_rot6d(rot6d: Float[np.ndarray, "*n 6"]) -> Float[np.ndarray, "*n
     x = rot6d[..., :3] / np.linalg.norm(rot6d[..., :3], axis=-1, keepdims=True)
     y = rot6d[..., 3:] - (x * rot6d[..., 3:]).sum(-1, keepdims=True) * x
     y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
+    return np.stack([x, y, _cross(x, y)], axis=-1)
 
 
 def make_pose(
@@ -72,6 +81,12 @@ def inverse(T_a_b: Float[np.ndarray, "*n 7"]) -> Float[np.ndarray, "*n 7"]:
     return make_pose(-(R_b_a @ T_a_b[..., :3, None])[..., 0], R_b_a)
 
 
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    # numpy's own moves axes about for generality, at ten times the cost of the six products for one vector.
+    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
 def rotate_screw(R_a_b: Float[np.ndarray, "*n 3 3"], screw: Float[np.ndarray, "*m 6"]) -> Float[np.ndarray, "*k 6"]:
     """Express a wrench or a twist, given in the axes of b, in the axes of a. The reference point stays."""
     first = (R_a_b @ screw[..., :3, None])[..., 0]
@@ -87,14 +102,14 @@ def move_wrench(wrench: Float[np.ndarray, "*n 6"], r_m: Float[np.ndarray, "*m 3"
         r_m: New point minus old point [m], in the wrench's axes. Shape (..., 3).
     """
     force = wrench[..., :3]
-    moment = wrench[..., 3:] - np.cross(r_m, force)
+    moment = wrench[..., 3:] - _cross(r_m, force)
     return np.concatenate([np.broadcast_to(force, moment.shape), moment], axis=-1)
 
 
 def move_twist(twist: Float[np.ndarray, "*n 6"], r_m: Float[np.ndarray, "*m 3"]) -> Float[np.ndarray, "*k 6"]:
     """Refer a twist to another point of the same body: v_new = v + w x r."""
     angular = twist[..., 3:]
-    linear = twist[..., :3] + np.cross(angular, r_m)
+    linear = twist[..., :3] + _cross(angular, r_m)
     return np.concatenate([linear, np.broadcast_to(angular, linear.shape)], axis=-1)
 
 

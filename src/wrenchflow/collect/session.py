@@ -1,0 +1,195 @@
+"""Record demonstrations: an operator sees and feels, a device moves the target, the arm follows, and all is kept."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchflow import signals
+from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.emulated_spacemouse import EmulatedSpaceMouse
+from wrenchflow.collect.operator import Operator, Perception
+from wrenchflow.collect.peg_by_feel import PegByFeel
+from wrenchflow.config import to_mapping
+from wrenchflow.control.controller import TICK_S
+from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.episodes_map import map_episodes
+from wrenchflow.errors import ConfigError, unknown
+from wrenchflow.filtering import window_mean
+from wrenchflow.manifest import output_folder, write_manifest
+from wrenchflow.process.live import LiveWrench
+from wrenchflow.recording.writer import write_episode
+from wrenchflow.rig import Rig, load_rig
+from wrenchflow.sim.attempt import Attempt, Outcome, episode_id
+from wrenchflow.sim.streams import streams_of
+from wrenchflow.sim.tasks import make_task
+from wrenchflow.sim.tasks.task import Task
+from wrenchflow.spatial import exp_so3, make_pose, rotation_of
+
+_MEAN_NS = 100_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demonstration:
+    """What became of one recorded attempt."""
+
+    id: str
+    samples: int
+    outcome: Outcome
+
+
+@cache
+def _scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
+    # One model serves every episode of a process: nothing writes to it.
+    loaded, made = load_rig(rig), make_task(task)
+    return made, loaded, made.make_model(loaded)
+
+
+def make_operator(name: str, config: CollectConfig) -> Operator:
+    """The operator of a name, for the task of `config`.
+
+    Raises:
+        ConfigError: If there is none, with the nearest name.
+    """
+    if name == "scripted":
+        return PegByFeel(impedance=config.impedance)
+    raise ConfigError(unknown("operator", name, ["scripted"]))
+
+
+def demonstrate(index: int, config: CollectConfig) -> Episode:
+    """Record one attempt, in virtual time.
+
+    Args:
+        index: Number of the episode; with the seed it determines every bit of the recording.
+        config: Task, operator, device and gains.
+    """
+    task, rig, model = _scenery(config.task, config.rig)
+    operator = make_operator(config.operator, config)
+    attempt = Attempt(
+        task,
+        model,
+        rig,
+        seed=(config.seed, index),
+        tare_s=config.tare_s,
+        impedance=config.impedance,
+        control=config.control,
+    )
+    session = _Session(attempt, operator, config)
+    while not attempt.over:
+        session.period()
+    return attempt.episode(
+        episode_id(config.task, config.seed, index),
+        session.streams(),
+        session.phases(),
+        operator=config.operator,
+        collect=to_mapping(config),
+    )
+
+
+class _Session:
+    """One attempt with an operator at the device: what they feel, what the device reports, where the target goes."""
+
+    def __init__(self, attempt: Attempt, operator: Operator, config: CollectConfig) -> None:
+        self._attempt, self._operator, self._config = attempt, operator, config
+        self._feel = LiveWrench(streams_of(attempt.plant.recorded), attempt.tare, attempt.rig)
+        self._period_s = 1.0 / config.device_hz
+        self._ticks = round(self._period_s / TICK_S)
+        self._device = EmulatedSpaceMouse(config.twist_map, self._period_s)
+        self._disturbance_m = np.zeros(3)
+        self._t: list[int] = []
+        self._joy: list[np.ndarray] = []
+        self._twist: list[np.ndarray] = []
+        self._phases: list[tuple[int, str]] = []
+
+    def period(self) -> None:
+        """One report of the device: see, feel, decide, deflect, integrate the target, let the arm follow."""
+        attempt, row = self._attempt, self._attempt.plant.recorded[-1]
+        now_ns = int(row["t_ns"]) + round(TICK_S * 1e9)
+        wanted, phase = self._operator.want(self._perceive(row))
+        self._device.deflect(wanted, attempt.target_pose)
+        counts, buttons = self._device.read()
+        twist = self._config.twist_map.twist(counts)
+        self._t.append(now_ns)
+        self._joy.append(np.concatenate([counts, buttons]).astype(np.float64))
+        self._twist.append(twist)
+        if not self._phases or self._phases[-1][1] != phase:
+            self._phases.append((now_ns, phase))
+        first = attempt.plant.count
+        attempt.advance(moved(attempt.target_pose, twist, self._period_s), self._ticks, self._disturb())
+        self._feel.push(*attempt.samples_since(first))
+
+    def _perceive(self, row: np.ndarray) -> Perception:
+        felt = self._feel.tail
+        return Perception(
+            t_s=self._attempt.elapsed_s,
+            tcp_pose=row["tcp_pose"],
+            goal_pose=self._attempt.scene.T_base_goal_perceived,
+            wrench=felt.data[-1],
+            wrench_mean=window_mean(felt.t, felt.data, felt.t[-1:], _MEAN_NS)[0],
+        )
+
+    def _disturb(self) -> np.ndarray:
+        # An Ornstein-Uhlenbeck process: the demonstrations then show how to come back from where no operator would go.
+        keep = np.exp(-self._period_s / self._config.disturbance_s)
+        fresh = self._attempt.rng.normal(size=3) * self._config.disturbance_m * np.sqrt(1.0 - keep**2)
+        self._disturbance_m = keep * self._disturbance_m + fresh
+        return self._disturbance_m
+
+    def streams(self) -> dict[str, Stream]:
+        """What the device reported."""
+        t = np.array(self._t, np.int64)
+        return {
+            "teleop/joy": Stream(t, np.array(self._joy), signals.JOY, "device"),
+            "teleop/twist": Stream(t, np.array(self._twist), signals.TWIST, "base"),
+        }
+
+    def phases(self) -> list[Event]:
+        """What the operator thought to be doing, and when."""
+        end_ns = int(self._attempt.plant.recorded[-1]["t_ns"])
+        stops = [start_ns for start_ns, _ in self._phases[1:]] + [end_ns]
+        return [Event(start, stop, "phase", name) for (start, name), stop in zip(self._phases, stops, strict=True)]
+
+
+def moved(target: np.ndarray, twist: np.ndarray, duration_s: float) -> np.ndarray:
+    """A target pose moved by a twist in the base frame; a device integrates the target, never the measured pose."""
+    rotation = exp_so3(twist[3:] * duration_s) @ rotation_of(target[3:])
+    return make_pose(target[:3] + twist[:3] * duration_s, rotation)
+
+
+@dataclass(frozen=True)
+class _Record:
+    """One episode to a file; an object, so that it travels to a worker process."""
+
+    folder: Path
+    config: CollectConfig
+
+    def __call__(self, index: int) -> Demonstration:
+        episode = demonstrate(index, self.config)
+        write_episode(self.folder / f"{episode.id}.mcap", episode)
+        outcome = Outcome(**episode.meta["result"])
+        return Demonstration(id=episode.id, samples=len(episode["tcp_pose"]), outcome=outcome)
+
+
+def collect_folder(
+    out: Path, config: CollectConfig, *, jobs: int = 1, overwrite: bool = False
+) -> Iterator[Demonstration]:
+    """Record `config.episodes` demonstrations into a folder, and yield what became of each.
+
+    Args:
+        out: Folder of `<id>.mcap` and `manifest.json`; it appears when all are there.
+        config: What is demonstrated, by whom.
+        jobs: Worker processes.
+        overwrite: Replace a folder that is there.
+
+    Raises:
+        OutputError: If `out` is there, and may not be replaced.
+        ConfigError: For a task, operator or rig that does not exist.
+    """
+    _scenery(config.task, config.rig)
+    make_operator(config.operator, config)
+    with output_folder(out, overwrite=overwrite) as folder:
+        yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs)
+        write_manifest(folder, "collect", config, seed=config.seed)

@@ -1,0 +1,30 @@
+"""What a person may set about control; loads nothing heavy, so that the command line can show it at once."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Impedance:
+    """How stiffly a target is followed, in the base frame."""
+
+    translation_n_m: float = 600.0
+    rotation_nm_rad: float = 25.0
+    damping_ratio: float = 0.9
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlConfig:
+    """Limits and gains of the control core that no request can change."""
+
+    nullspace_nm_rad: float = 2.0
+    ramp_s: float = 1.0
+    damping_design_hz: float = 100.0
+    force_max_n: float = 25.0
+    moment_max_nm: float = 3.0
+    speed_max_m_s: float = 0.25
+    turn_max_rad_s: float = 1.0
+    stiffness_max_n_m: float = 1500.0
+    stiffness_max_nm_rad: float = 60.0
+    # Shares of the robot's own limits that a command may use: a margin for what happens between two ticks.
+    torque_share: float = 0.96
+    torque_rate_share: float = 0.5

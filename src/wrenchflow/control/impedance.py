@@ -1,0 +1,129 @@
+"""The impedance law, one tick: F = K e - D V, tau = J^T F + nullspace + Coriolis, behind the governor.
+
+Scalar loops over three records, compiled; under `NUMBA_DISABLE_JIT=1` the same file is plain Python, bit for bit.
+"""
+
+import math
+
+import numpy as np
+
+from wrenchflow.compiled import kernel
+from wrenchflow.control.damping import design_damping
+from wrenchflow.control.governor import (
+    all_finite,
+    cap_norm,
+    leash_position,
+    leash_rotation,
+    limit_stiffness,
+    limit_torque,
+    request_is_finite,
+    state_is_finite,
+)
+from wrenchflow.control.records import FAULT_NONE, FAULT_STATE, FAULT_TORQUE, JOINTS
+from wrenchflow.so3 import exp_into, log_into, multiply_into, multiply_transposed_into
+
+
+@kernel
+def start(obs, ctl):
+    """Begin where the arm is: the reference, the target and the nullspace posture are the measured ones."""
+    ctl.tick = 0
+    ctl.segment_tick = 0
+    ctl.rejected = 0
+    ctl.fault = FAULT_NONE
+    for i in range(3):
+        ctl.x_d[i] = obs.x[i]
+        ctl.x_target[i] = obs.x[i]
+        ctl.x_offset[i] = 0.0
+        for j in range(3):
+            ctl.R_d[i, j] = obs.R[i, j]
+            ctl.R_target[i, j] = obs.R[i, j]
+    for i in range(JOINTS):
+        ctl.q_null[i] = obs.q[i]
+        ctl.tau[i] = 0.0
+
+
+@kernel
+def tick(obs, req, ctl):
+    """Decide the torque of one tick into `ctl.tau` [N.m], without gravity.
+
+    A request that is not finite is counted and not followed: the last target stays. A state or a torque that is not
+    finite latches a fault, and the command falls to zero at the rate limit; gravity stays compensated by the robot.
+    """
+    tau = np.zeros(JOINTS)
+    if not state_is_finite(obs):
+        ctl.fault = FAULT_STATE
+    if ctl.fault == FAULT_NONE:
+        _take_request(req, ctl)
+        leash_position(ctl, obs.x)
+        leash_rotation(ctl, obs.R)
+        if ctl.tick % ctl.design_ticks == 0:
+            design_damping(obs.J, obs.M, ctl.K_lin, ctl.K_rot, ctl.damping_ratio, ctl.D, ctl.P)
+        _law(obs, ctl, tau)
+        if not all_finite(tau):
+            ctl.fault = FAULT_TORQUE
+            tau[:] = 0.0
+    limit_torque(tau, ctl)
+    ctl.tick += 1
+
+
+@kernel
+def _take_request(req, ctl):
+    if not request_is_finite(req):
+        ctl.rejected += 1
+        return
+    ctl.segment_tick += 1
+    share = 1.0 if ctl.segment_tick >= req.ticks else ctl.segment_tick / req.ticks
+    step = np.empty((3, 3))
+    exp_into(share * req.turn[0], share * req.turn[1], share * req.turn[2], step)
+    multiply_into(step, req.R_start, ctl.R_target)
+    for i in range(3):
+        ctl.x_target[i] = req.x_start[i] + share * (req.x_stop[i] - req.x_start[i])
+        ctl.x_offset[i] = req.x_offset[i]
+    limit_stiffness(req.K_lin, ctl.K_lin_max, ctl.K_lin)
+    limit_stiffness(req.K_rot, ctl.K_rot_max, ctl.K_rot)
+    ctl.damping_ratio = req.damping_ratio
+
+
+@kernel
+def _law(obs, ctl, tau):
+    # e = [x_d - x ; log(R_d R^T)], world-aligned.
+    e, V, spring, difference, turn = np.empty(6), np.empty(6), np.empty(6), np.empty((3, 3)), np.empty(4)
+    multiply_transposed_into(ctl.R_d, obs.R, difference)
+    log_into(difference, turn)
+    for i in range(3):
+        e[i], e[3 + i] = ctl.x_d[i] - obs.x[i], turn[i]
+    for a in range(6):
+        s = 0.0
+        for j in range(JOINTS):
+            s += obs.J[a, j] * obs.dq[j]
+        V[a] = s
+    gain = min(1.0, ctl.tick / ctl.ramp_ticks) if ctl.ramp_ticks > 0 else 1.0
+    for i in range(3):
+        linear, angular = 0.0, 0.0
+        for j in range(3):
+            linear += ctl.K_lin[i, j] * e[j]
+            angular += ctl.K_rot[i, j] * e[3 + j]
+        spring[i], spring[3 + i] = gain * linear, gain * angular
+    cap_norm(spring, 0, ctl.force_max)
+    cap_norm(spring, 3, ctl.moment_max)
+    # Damping is at full strength from the first tick: the ramp is there to be gentle, not to let the arm swing.
+    F = spring
+    for a in range(6):
+        s = 0.0
+        for b in range(6):
+            s += ctl.D[a, b] * V[b]
+        F[a] -= s
+    # The nullspace pulls back to the starting posture; what of it would move the TCP is taken out through F.
+    posture, root = np.empty(JOINTS), 2.0 * math.sqrt(ctl.null_stiffness)
+    for j in range(JOINTS):
+        posture[j] = ctl.null_stiffness * (ctl.q_null[j] - obs.q[j]) - root * obs.dq[j]
+    for a in range(6):
+        s = 0.0
+        for j in range(JOINTS):
+            s += ctl.P[a, j] * posture[j]
+        F[a] -= s
+    for j in range(JOINTS):
+        s = posture[j] + obs.coriolis[j]
+        for a in range(6):
+            s += obs.J[a, j] * F[a]
+        tau[j] = s

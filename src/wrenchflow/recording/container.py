@@ -1,0 +1,247 @@
+"""The structure of an MCAP file: its records, checked, without a look into the messages."""
+
+import mmap
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import zstandard
+from jaxtyping import UInt8, UInt64
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, DataEnd, Footer, Metadata, Schema, Statistics
+from mcap.writer import MCAP0_MAGIC as MAGIC
+
+from wrenchflow.errors import RecordingError
+
+_PREFIX = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQI")
+_FOOTER_SIZE = _PREFIX.size + 20
+
+
+@dataclass
+class Chunk:
+    """Where one chunk's bytes lie, and where its messages lie in them.
+
+    Attributes:
+        data: The bytes as they are stored.
+        compression: `zstd`, `lz4` or empty.
+        size: Length of the uncompressed bytes.
+        crc: CRC-32 of the uncompressed bytes, or 0 if it was not computed.
+        index: Log time [ns] and offset of each message by channel id; empty in files without an index. Shape (n, 2).
+    """
+
+    data: memoryview
+    compression: str
+    size: int
+    crc: int
+    index: dict[int, UInt64[np.ndarray, "n 2"]] = field(default_factory=dict)
+
+
+class Container:
+    """An MCAP file that is whole: its ends, its structure and its checksums were looked at.
+
+    Attributes:
+        path: The file.
+        size: Its length in bytes.
+        schemas: By id.
+        channels: By id.
+        statistics: From the summary, if there is one.
+        chunks: In the order of the file. Messages outside chunks are one more chunk, without compression.
+        metadata: Metadata records by name; of several, the last.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a file and read its structure; chunks stay compressed.
+
+        Args:
+            path: An MCAP file.
+
+        Raises:
+            RecordingError: If the file is missing, unfinished, truncated, damaged or not MCAP.
+        """
+        self.path = path
+        self._bytes = _open(path)
+        self.size = len(self._bytes)
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.statistics: Statistics | None = None
+        self.chunks: list[Chunk] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+
+        footer_start = self.size - len(MAGIC) - _FOOTER_SIZE
+        footer = self._parse(Footer.read, footer_start + _PREFIX.size, self.size - len(MAGIC))
+        summary_start = footer.summary_start or footer_start
+        if not len(MAGIC) <= summary_start <= footer_start:
+            raise self.damaged("its footer points outside the file")
+        if (
+            footer.summary_crc
+            and zlib.crc32(self._bytes[summary_start : self.size - len(MAGIC) - 4]) != footer.summary_crc
+        ):
+            raise self.damaged("the checksum of its summary does not match")
+        self._read_data(summary_start)
+        self._read_summary(summary_start, footer_start)
+
+    def damaged(self, why: str) -> RecordingError:
+        """The error that says that this file is damaged, and why."""
+        return RecordingError(f"{self.path} is damaged: {why}.")
+
+    def _parse[T](self, read: Callable[[ReadDataStream], T], start: int, stop: int) -> T:
+        try:
+            return read(ReadDataStream(BytesIO(self._bytes[start:stop])))
+        except (struct.error, McapError, UnicodeDecodeError) as error:
+            raise self.damaged(f"its record at byte {start} cannot be read") from error
+
+    def _records(self, data: memoryview | bytes, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
+        """Opcode, and start and stop of the content, of each record between two places."""
+        while start < stop:
+            if start + _PREFIX.size > stop:
+                raise self.damaged(f"a record at byte {start} is cut off")
+            opcode, length = _PREFIX.unpack_from(data, start)
+            start += _PREFIX.size
+            if start + length > stop:
+                raise self.damaged(f"a record at byte {start} runs past its end")
+            yield opcode, start, start + length
+            start += length
+
+    def _read_data(self, stop: int) -> None:
+        data_end = None
+        loose = False
+        for opcode, start, end in self._records(self._bytes, len(MAGIC), stop):
+            if data_end is not None:
+                raise self.damaged("records follow the end of its data")
+            match opcode:
+                case Opcode.CHUNK:
+                    self.chunks.append(self._read_chunk(start, end))
+                case Opcode.MESSAGE_INDEX:
+                    self._read_index(start, end)
+                case Opcode.SCHEMA | Opcode.CHANNEL:
+                    self._add_definition(opcode, self._bytes, start, end)
+                case Opcode.METADATA:
+                    record = self._parse(Metadata.read, start, end)
+                    self.metadata[record.name] = record.metadata
+                case Opcode.MESSAGE:
+                    loose = True
+                case Opcode.DATA_END:
+                    data_end = start - _PREFIX.size
+                    crc = self._parse(DataEnd.read, start, end).data_section_crc
+                    if crc and zlib.crc32(self._bytes[:data_end]) != crc:
+                        raise self.damaged("the checksum of its data does not match")
+        if data_end is None:
+            raise self.damaged("its data has no end record")
+        if loose:
+            data = self._bytes[len(MAGIC) : data_end]
+            self.chunks.append(Chunk(data, "", len(data), 0))
+
+    def _read_chunk(self, start: int, end: int) -> Chunk:
+        _, _, size, crc = self._unpack(_CHUNK, start, end)
+        at = start + _CHUNK.size
+        (length,) = self._unpack(struct.Struct("<I"), at, end)
+        compression = bytes(self._bytes[at + 4 : at + 4 + length]).decode(errors="replace")
+        at += 4 + length
+        (length,) = self._unpack(struct.Struct("<Q"), at, end)
+        return Chunk(self._bytes[at + 8 : min(at + 8 + length, end)], compression, size, crc)
+
+    def _read_index(self, start: int, end: int) -> None:
+        channel, length = self._unpack(struct.Struct("<HI"), start, end)
+        if not self.chunks or length % 16 or start + 6 + length > end:
+            raise self.damaged(f"its message index at byte {start} cannot be read")
+        if length:
+            index = np.frombuffer(self._bytes, "<u8", length // 8, start + 6)
+            self.chunks[-1].index[channel] = index.reshape(-1, 2)
+
+    def _unpack(self, layout: struct.Struct, start: int, end: int) -> tuple[int, ...]:
+        if start + layout.size > end:
+            raise self.damaged(f"a record at byte {start} is cut off")
+        return layout.unpack_from(self._bytes, start)
+
+    def _add_definition(self, opcode: int, data: memoryview | bytes, start: int, end: int) -> None:
+        stream = ReadDataStream(BytesIO(data[start:end]))
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self.schemas[schema.id] = schema
+            else:
+                channel = Channel.read(stream)
+                self.channels[channel.id] = channel
+        except (struct.error, McapError, UnicodeDecodeError) as error:
+            raise self.damaged(f"its schema or channel at byte {start} cannot be read") from error
+
+    def _read_summary(self, start: int, stop: int) -> None:
+        for opcode, first, last in self._records(self._bytes, start, stop):
+            match opcode:
+                case Opcode.SCHEMA | Opcode.CHANNEL:
+                    self._add_definition(opcode, self._bytes, first, last)
+                case Opcode.STATISTICS:
+                    self.statistics = self._parse(Statistics.read, first, last)
+
+    def unpack(self, chunk: Chunk) -> UInt8[np.ndarray, " n"]:
+        """The uncompressed bytes of a chunk; if it had no index before, it has one after.
+
+        Raises:
+            RecordingError: If the bytes do not decompress to what the chunk says that they are.
+        """
+        try:
+            match chunk.compression:
+                case "":
+                    data = chunk.data
+                case "zstd":
+                    data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.size)
+                case "lz4":
+                    data = lz4.frame.decompress(chunk.data)
+                case other:
+                    raise RecordingError(f"{self.path} is compressed with '{other}'. Readable: zstd, lz4 and none.")
+        except (zstandard.ZstdError, RuntimeError, OverflowError, MemoryError) as error:
+            raise self.damaged("a chunk cannot be decompressed") from error
+        if len(data) != chunk.size or (chunk.crc and zlib.crc32(data) != chunk.crc):
+            raise self.damaged("the checksum of a chunk does not match")
+        if not self._is_indexed(chunk):
+            self._walk(chunk, data)
+        return np.frombuffer(data, np.uint8)
+
+    def index(self, chunk: Chunk) -> dict[int, UInt64[np.ndarray, "n 2"]]:
+        """Log time [ns] and offset of each message of a chunk by channel id, without decompression if possible."""
+        if not self._is_indexed(chunk):
+            self.unpack(chunk)
+        return chunk.index
+
+    def _is_indexed(self, chunk: Chunk) -> bool:
+        return bool(chunk.index) and chunk.index.keys() <= self.channels.keys()
+
+    def _walk(self, chunk: Chunk, data: memoryview | bytes) -> None:
+        offsets: dict[int, list[tuple[int, int]]] = {}
+        for opcode, start, end in self._records(data, 0, len(data)):
+            if opcode == Opcode.MESSAGE:
+                if end - start < 22:
+                    raise self.damaged("a message in a chunk is cut off")
+                channel, _, log_time = struct.unpack_from("<HIQ", data, start)
+                offsets.setdefault(channel, []).append((log_time, start - _PREFIX.size))
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._add_definition(opcode, data, start, end)
+        if not offsets.keys() <= self.channels.keys():
+            raise self.damaged("a chunk has messages of a channel that it does not describe")
+        chunk.index = {channel: np.array(rows, np.uint64) for channel, rows in offsets.items()}
+
+
+def _open(path: Path) -> memoryview:
+    """The bytes of a file that begins and ends as an MCAP file does."""
+    if path.suffix == ".partial":
+        raise RecordingError(f"{path} is an unfinished recording: it was interrupted before its end was written.")
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
+    if not MAGIC.startswith(bytes(data[: len(MAGIC)])):
+        raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex()}.")
+    footer = data[-len(MAGIC) - _FOOTER_SIZE : -len(MAGIC)]
+    if data[-len(MAGIC) :] != MAGIC or len(data) < 2 * len(MAGIC) + _FOOTER_SIZE or footer[0] != Opcode.FOOTER:
+        raise RecordingError(f"{path} is truncated: its end is missing (it has {len(data)} bytes).")
+    return data

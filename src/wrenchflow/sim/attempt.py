@@ -1,0 +1,156 @@
+"""One attempt at a task in virtual time: the scene, the plant, the controller, the tare at rest, the outcome."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wrenchflow.config import to_mapping
+from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.controller import TICK_S, Controller
+from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.rig import Rig
+from wrenchflow.signals import POSE
+from wrenchflow.sim.engine import TICK_NS
+from wrenchflow.sim.plant import Measurement, Plant
+from wrenchflow.sim.streams import streams_of
+from wrenchflow.sim.tasks.task import Scene, Task
+
+FORMAT_TIME_MARGIN_S = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How an attempt ended: done or not, after how long, and if not, why."""
+
+    success: bool
+    duration_s: float
+    progress: float
+    failure: str
+
+
+class Attempt:
+    """A task drawn from a seed, with the arm at rest at its start; whoever acts on it calls `advance`."""
+
+    def __init__(
+        self,
+        task: Task,
+        model: mujoco.MjModel,
+        rig: Rig,
+        *,
+        seed: tuple[int, ...],
+        tare_s: float,
+        impedance: Impedance,
+        control: ControlConfig,
+        measurement: Measurement | None = None,
+    ) -> None:
+        """Draw the scene, then let the arm hold its start for `tare_s`.
+
+        Args:
+            task: What is attempted.
+            model: `task.make_model(rig)`; may be shared.
+            rig: The robot cell.
+            seed: Every random number comes from these.
+            tare_s: Time at rest; its second half tells the sensor's bias [s].
+            impedance: How stiffly targets are followed.
+            control: Limits and gains of the core.
+            measurement: How well the arm knows itself.
+        """
+        scene_rng, plant_rng, self.rng = np.random.default_rng(seed).spawn(3)
+        self.task, self.rig, self.seed, self._impedance = task, rig, seed, impedance
+        self.scene: Scene = task.draw(model, scene_rng)
+        data = mujoco.MjData(model)
+        task.place(model, data, self.scene)
+        capacity_s = tare_s + task.time_limit_s + FORMAT_TIME_MARGIN_S
+        self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
+        self.controller = Controller(rig, control)
+        self.plant.begin(self.controller, impedance)
+        rows = self.plant.advance(self.controller, round(tare_s / TICK_S))
+        half = len(rows) // 2
+        self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]) + TICK_NS, "phase", "tare")
+        self.start_ns = self.tare.stop_ns
+        self.target_pose: Float[np.ndarray, " 7"] = self.controller.target_pose
+
+    def advance(
+        self, target: Float[np.ndarray, " 7"], ticks: int, disturbance_m: Float[np.ndarray, " 3"] | None = None
+    ) -> np.ndarray:
+        """Move the target to `target` in a straight segment of `ticks` ticks; returns the new rows."""
+        self.controller.ask(
+            self.target_pose, target, ticks=ticks, impedance=self._impedance, disturbance_m=disturbance_m
+        )
+        self.target_pose = target
+        return self.plant.advance(self.controller, ticks)
+
+    def samples_since(self, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Stamps, raw wrenches and TCP quaternions of the wrench samples that rows from `first` on brought.
+
+        A row carries the force of the tick before it, so each belongs to the stamp and the pose of that tick.
+        """
+        rows = self.plant.rows[first - 1 : self.plant.count]
+        return rows["t_ns"][:-1].copy(), rows["wrench_raw"][1:].copy(), rows["tcp_pose"][:-1, 3:].copy()
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since the tare [s]."""
+        return self.plant.count * TICK_S - (self.start_ns - int(self.plant.rows["t_ns"][0])) * 1e-9
+
+    @property
+    def outcome(self) -> Outcome:
+        """How things stand now, by the true pose."""
+        tcp = self.plant.true_tcp_pose
+        progress = self.task.progress(self.scene, tcp)
+        success = progress >= 1.0
+        return Outcome(
+            success=success,
+            duration_s=self.elapsed_s,
+            progress=progress,
+            failure="" if success else self.task.failure(self.scene, tcp),
+        )
+
+    @property
+    def over(self) -> bool:
+        """Whether the task is done, or its time has run out."""
+        return self.elapsed_s >= self.task.time_limit_s or self.outcome.success
+
+    def episode(self, id: str, streams: dict[str, Stream], events: list[Event], **meta: Any) -> Episode:
+        """The recording of this attempt.
+
+        Args:
+            id: Name of the episode.
+            streams: Besides those of the plant.
+            events: Besides the tare and the success.
+            **meta: Besides what is known here.
+        """
+        rows, outcome = self.plant.recorded, self.outcome
+        t = rows["t_ns"][:1].copy()
+        goal = Stream(t, self.scene.T_base_goal_perceived[None].copy(), POSE, "base")
+        end_ns = int(rows["t_ns"][-1])
+        ends = [Event(end_ns, end_ns, "success" if outcome.success else "failure", outcome.failure)]
+        return Episode(
+            id,
+            self.task.name,
+            {**streams_of(rows), "goal_pose": goal, **streams},
+            (self.tare, *events, *ends),
+            {
+                "rig": to_mapping(self.rig),
+                "seed": list(self.seed),
+                "impedance": to_mapping(self._impedance),
+                # Truth that no stage may learn from: it is here so that the scene can be set up again.
+                "simulator": {
+                    "q_start_rad": self.scene.q_start_rad.tolist(),
+                    "T_base_goal": self.scene.T_base_goal.tolist(),
+                    "orientation_error_rad": self.plant.orientation_error_rad.tolist(),
+                },
+                **meta,
+                "result": to_mapping(outcome),
+            },
+        )
+
+
+def episode_id(task: str, seed: int, index: int) -> str:
+    """Name of an episode, from what determines it and nothing else."""
+    short = hashlib.sha256(f"{task}/{seed}".encode()).hexdigest()[:6]
+    return f"{task}-{short}-{index:04d}"

@@ -1,0 +1,130 @@
+"""The Panda as a MuJoCo model of our own: published kinematics, identified inertias, capsules, torque motors.
+
+Sources: the manufacturer's interface documentation (modified DH table, after Craig); Gaz et al., *Dynamic
+Identification of the Franka Emika Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization*
+(2019), for masses, centres of mass and inertias.
+"""
+
+import math
+
+import mujoco
+import numpy as np
+
+from wrenchflow.rig import Rig
+
+# Modified DH a joint: a [m], d [m], alpha [rad]; theta is the joint angle. The flange follows joint 7.
+DH = (
+    (0.0, 0.333, 0.0),
+    (0.0, 0.0, -math.pi / 2),
+    (0.0, 0.316, math.pi / 2),
+    (0.0825, 0.0, math.pi / 2),
+    (-0.0825, 0.384, -math.pi / 2),
+    (0.0, 0.0, math.pi / 2),
+    (0.088, 0.0, math.pi / 2),
+)
+FLANGE_M = 0.107
+READY_RAD = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
+
+# Mass [kg], centre of mass [m], ixx iyy izz ixy ixz iyz [kg m^2] about it, in the axes of the link's frame.
+LINKS = (
+    (0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-7, 0.00015, 8.2299e-6)),
+    (4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
+    (0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
+    (3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
+    (3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
+    (1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
+    (1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
+    (0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
+)
+# Capsules that cover the links, a link: from [m], to [m], radius [m], in the link's frame. Link 0 first.
+CAPSULES = (
+    ((-0.08, 0.0, 0.06), (0.0, 0.0, 0.06), 0.06),
+    ((0.0, 0.0, -0.19), (0.0, 0.0, 0.0), 0.06),
+    ((0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
+    ((0.0, 0.0, -0.15), (0.0, 0.0, -0.03), 0.055),
+    ((0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.055),
+    ((0.0, 0.0, -0.25), (0.0, 0.0, -0.03), 0.05),
+    ((0.0, 0.0, -0.06), (0.0, 0.0, 0.04), 0.05),
+    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.08), 0.045),
+)
+ARMATURE_KG_M2 = 0.1  # Rotor inertia seen at the joint.
+# What the arm's own friction compensation leaves of viscous friction; simulators of the bare arm usually take 1.0.
+DAMPING_NM_S_RAD = 0.1
+TIMESTEP_S = 0.001
+
+# Geoms of the arm and of the tool meet the world's (bit 0), never each other.
+ARM_CONTYPE, WORLD_CONTYPE = 2, 1
+_WHITE, _DARK = (0.93, 0.93, 0.92, 1.0), (0.25, 0.27, 0.3, 1.0)
+
+
+def make_arm(rig: Rig) -> mujoco.MjSpec:
+    """Build the arm with its wrist sensor on a bare floor; a task adds what the tool is and what it touches.
+
+    The body `tool` hangs below the sensor: its interaction with the flange is what the sensor reads. Sites: `flange`,
+    `sensor` (origin of `tool`) and `tcp`. The simulator compensates gravity itself (`gravcomp`), so that commanded
+    torque is without gravity; the sensor still feels the tool's weight.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = f"{rig.robot.name}_arm"
+    spec.option.timestep = TIMESTEP_S
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.compiler.degree = False
+    spec.compiler.autolimits = True
+    world = spec.worldbody
+    world.add_light(pos=[0.6, -0.6, 1.6], dir=[-0.2, 0.4, -1.0], castshadow=False)
+    world.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[1.0, 1.0, 0.05],
+        rgba=[0.72, 0.75, 0.78, 1.0],
+        contype=WORLD_CONTYPE,
+        conaffinity=ARM_CONTYPE,
+    )
+    parent = world.add_body(name="link0")
+    _add_link(parent, 0)
+    for i, (a, d, alpha) in enumerate(DH):
+        parent = parent.add_body(
+            name=f"link{i + 1}",
+            pos=[a, -d * math.sin(alpha), d * math.cos(alpha)],
+            quat=[math.cos(alpha / 2), math.sin(alpha / 2), 0.0, 0.0],
+        )
+        parent.add_joint(
+            name=f"joint{i + 1}",
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0, 0, 1],
+            range=[rig.robot.position_min_rad[i], rig.robot.position_max_rad[i]],
+            armature=ARMATURE_KG_M2,
+            damping=np.array([DAMPING_NM_S_RAD, 0.0, 0.0]),
+        )
+        _add_link(parent, i + 1)
+        motor = spec.add_actuator(name=f"motor{i + 1}", target=f"joint{i + 1}")
+        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        motor.set_to_motor()
+        motor.ctrlrange = [-rig.robot.torque_nm[i], rig.robot.torque_nm[i]]
+    flange = parent.add_body(name="flange", pos=[0, 0, FLANGE_M], gravcomp=1.0)
+    flange.add_site(name="flange")
+    sensor_pose, tcp_pose = np.array(rig.sensor.T_flange_sensor), np.array(rig.T_flange_tcp)
+    tool = flange.add_body(name="tool", pos=sensor_pose[:3], quat=sensor_pose[3:], gravcomp=1.0)
+    tool.add_site(name="sensor")
+    flange.add_site(name="tcp", pos=tcp_pose[:3], quat=tcp_pose[3:], size=[0.002, 0.002, 0.002])
+    for kind, name in ((mujoco.mjtSensor.mjSENS_FORCE, "force"), (mujoco.mjtSensor.mjSENS_TORQUE, "torque")):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="sensor")
+    return spec
+
+
+def _add_link(body: mujoco.MjsBody, index: int) -> None:
+    mass_kg, com_m, inertia = LINKS[index]
+    body.explicitinertial = True
+    body.mass, body.ipos, body.fullinertia, body.gravcomp = mass_kg, list(com_m), list(inertia), 1.0
+    start_m, stop_m, radius_m = CAPSULES[index]
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[*start_m, *stop_m],
+        size=[radius_m, 0, 0],
+        rgba=_DARK if index in (0, 7) else _WHITE,
+        contype=ARM_CONTYPE,
+        conaffinity=WORLD_CONTYPE,
+        mass=0.0,
+    )

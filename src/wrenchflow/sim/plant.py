@@ -1,0 +1,175 @@
+"""A simulated arm in its scene: a `Robot` for the protocol, and a batch loop for speed. Both run the same kernels."""
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wrenchflow.control.config import Impedance
+from wrenchflow.control.controller import TICK_S, Controller
+from wrenchflow.errors import ControlError
+from wrenchflow.rig import Rig
+from wrenchflow.sim import engine
+from wrenchflow.sim.engine import MEASURE, NOISE_WIDTH, ROW
+from wrenchflow.sim.ft_sensor import SensorFaults, make_sensor
+from wrenchflow.spatial import exp_so3, make_pose
+
+_NOISE_BLOCK_TICKS = 512
+CHUNK_TICKS = 1000  # A compiled chunk does not hear Ctrl-C, so none is longer than a second.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measurement:
+    """How well the simulated arm knows itself: a real Panda's figures."""
+
+    joint_position_noise_rad: float = 5e-5
+    joint_velocity_noise_rad_s: float = 1e-3
+    torque_noise_nm: float = 0.03
+    orientation_error_rad: float = 1e-3
+    sensor: SensorFaults = field(default_factory=SensorFaults)
+
+
+class Plant:
+    """One simulation. `model` may be shared between plants: nothing here writes to it.
+
+    As a `Robot`, it compensates gravity and friction by itself, as the real arm does.
+    """
+
+    adds_gravity = True
+    adds_friction = True
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        rig: Rig,
+        measurement: Measurement,
+        rng: np.random.Generator,
+        *,
+        capacity_s: float,
+    ) -> None:
+        """Take a scene at its start.
+
+        Args:
+            model: A model with the arm of `sim.panda`.
+            data: Its state, with the start pose set.
+            rig: The rig that the model was made of.
+            measurement: Noise of joints and sensor.
+            rng: Every random number of this plant.
+            capacity_s: How long an episode can last.
+        """
+        # Once through the bindings: an engine error in a compiled loop would end the process.
+        mujoco.mj_step(model, data)
+        data.qvel[:] = 0.0
+        mujoco.mj_forward(model, data)
+        self.model, self.data, self._rng = model, data, rng
+        self.rows = np.zeros(round(capacity_s / TICK_S), ROW)
+        self.count = 0
+        self._measure = np.zeros(1, MEASURE)
+        state = self._measure[0]
+        state["tcp_site"] = model.site("tcp").id
+        state["joint_position_noise"] = measurement.joint_position_noise_rad
+        state["joint_velocity_noise"] = measurement.joint_velocity_noise_rad_s
+        state["torque_noise"] = measurement.torque_noise_nm
+        self.orientation_error_rad = rng.normal(size=3) * measurement.orientation_error_rad / np.sqrt(3.0)
+        state["R_error"] = exp_so3(self.orientation_error_rad)
+        self._sensor = make_sensor(rig.sensor, measurement.sensor, rng, TICK_S)
+        self._white = np.empty((0, NOISE_WIDTH))
+        self._views = (
+            data.qpos,
+            data.qvel,
+            data.ctrl,
+            data.qfrc_bias,
+            data.qfrc_gravcomp,
+            data.qfrc_constraint,
+            data.site_xpos,
+            data.site_xmat,
+            data.sensordata,
+        )
+
+    def begin(self, controller: Controller, impedance: Impedance) -> None:
+        """Let a controller start at the measured pose, before the first tick."""
+        self._observe(controller.obs)
+        self._measure["tick"] = 0
+        controller.start(impedance)
+
+    def advance(self, controller: Controller, ticks: int) -> np.ndarray:
+        """Run `ticks` ticks of the controller on the arm, recorded.
+
+        Args:
+            controller: Whose request stays as it is meanwhile.
+            ticks: How many.
+
+        Returns:
+            The new rows, dtype `ROW`, as a view.
+
+        Raises:
+            ControlError: If MuJoCo had to reset an unstable state, or there is no room for the rows.
+        """
+        first = self.count
+        if first + ticks > len(self.rows):
+            raise ControlError(f"an episode of {len(self.rows)} ticks is full; {ticks} more were asked for at {first}.")
+        for start in range(0, ticks, CHUNK_TICKS):
+            count = min(CHUNK_TICKS, ticks - start)
+            engine.advance(
+                self.model._address,
+                self.data._address,
+                self._views,
+                self._measure,
+                self._sensor,
+                self._noise(count),
+                controller.obs,
+                controller.req,
+                controller.ctl,
+                self.rows,
+                self.count,
+                count,
+            )
+            self.count += count
+        self._check()
+        return self.rows[first : self.count]
+
+    def read(self, obs: np.ndarray) -> None:
+        """Fill `obs` with this tick's state (the protocol's way, one tick at a time)."""
+        mujoco.mj_step1(self.model, self.data)
+        self._observe(obs)
+
+    def write(self, tau: Float[np.ndarray, " 7"]) -> None:
+        """Command a torque [N.m] and let one millisecond pass."""
+        self.data.ctrl[:] = tau
+        mujoco.mj_step2(self.model, self.data)
+
+    @property
+    def recorded(self) -> np.ndarray:
+        """All rows so far, dtype `ROW`, as a view."""
+        return self.rows[: self.count]
+
+    @property
+    def true_tcp_pose(self) -> Float[np.ndarray, " 7"]:
+        """Where the TCP really is, which no controller knows."""
+        site = self.data.site("tcp")
+        return make_pose(site.xpos.copy(), site.xmat.reshape(3, 3).copy())
+
+    def _observe(self, obs: np.ndarray) -> None:
+        white = self._noise(1)[0]
+        engine.observe(
+            self.model._address, self.data._address, self._views, self._measure[0], self._sensor[0], white, obs[0]
+        )
+
+    def _noise(self, ticks: int) -> Float[np.ndarray, "n k"]:
+        # Drawn in blocks of fixed size, so that how an episode is cut into chunks does not change its numbers.
+        while len(self._white) < ticks:
+            block = self._rng.standard_normal((_NOISE_BLOCK_TICKS, NOISE_WIDTH))
+            self._white = np.concatenate([self._white, block])
+        taken, self._white = self._white[:ticks], self._white[ticks:]
+        return taken
+
+    def _check(self) -> None:
+        for warning in (
+            mujoco.mjtWarning.mjWARN_BADQPOS,
+            mujoco.mjtWarning.mjWARN_BADQVEL,
+            mujoco.mjtWarning.mjWARN_BADQACC,
+        ):
+            if self.data.warning[warning].number:
+                raise ControlError(f"the simulation became unstable ({warning.name}) after {self.count} ms.")

@@ -1,0 +1,57 @@
+"""How a policy is trained. Free of torch, so that the command line can show it without loading a network."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from wrenchflow.errors import ConfigError
+from wrenchflow.policy.config import PolicyConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """How a policy is trained.
+
+    Attributes:
+        policy: What it is made of.
+        features: What it sees: everything, or nothing that force leaks into.
+        steps: Updates.
+        batch_size: Windows an update.
+        learning_rate: Largest rate, reached after the warm-up; a half cosine leads from there to zero.
+        warmup_steps: Updates over which the rate rises from zero.
+        weight_decay: Of AdamW.
+        ema_power: The weights that are kept average over the last updates: after n updates the old average counts
+            1 - n ** -ema_power.
+        ema_max_decay: The most that the old average counts.
+        valid_fraction: Share of the episodes that is held out, to watch the loss on: whole episodes, and those that the
+            data set's own split names if it was made with the same share.
+        metrics_every: Updates between rows of metrics.
+        seed: Same seed, same weights, bit for bit on one machine with one number of threads.
+        threads: Threads that torch may use.
+    """
+
+    policy: PolicyConfig = field(default_factory=PolicyConfig)
+    features: Literal["with_force", "without_force"] = "with_force"
+    steps: int = 12_000
+    batch_size: int = 256
+    learning_rate: float = 1e-3
+    warmup_steps: int = 500
+    weight_decay: float = 1e-6
+    ema_power: float = 0.75
+    ema_max_decay: float = 0.9999
+    valid_fraction: float = 0.1
+    metrics_every: int = 500
+    seed: int = 0
+    threads: int = 2
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "batch_size", "metrics_every", "threads"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"train.{name} is {getattr(self, name)}, expected at least 1.")
+        for name in ("warmup_steps", "weight_decay", "ema_power", "seed"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"train.{name} is {getattr(self, name)}, expected 0 or more.")
+        if self.learning_rate <= 0.0:
+            raise ConfigError(f"train.learning_rate is {self.learning_rate}, expected more than 0.")
+        for name in ("valid_fraction", "ema_max_decay"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ConfigError(f"train.{name} is {getattr(self, name)}, expected from 0 to below 1.")
