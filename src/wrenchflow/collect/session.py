@@ -23,7 +23,7 @@ from wrenchflow.manifest import output_folder, write_manifest
 from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.writer import write_episode
 from wrenchflow.rig import Rig, load_rig
-from wrenchflow.sim.attempt import Attempt, Outcome, episode_id
+from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks import make_task
 from wrenchflow.sim.tasks.task import Task
@@ -59,12 +59,13 @@ def make_operator(name: str, config: CollectConfig) -> Operator:
     raise ConfigError(unknown("operator", name, ["scripted"]))
 
 
-def demonstrate(index: int, config: CollectConfig) -> Episode:
+def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE) -> Episode:
     """Record one attempt, in virtual time.
 
     Args:
         index: Number of the episode; with the seed it determines every bit of the recording.
         config: Task, operator, device and gains.
+        scenes: `DEMONSTRATE`, or `EVALUATE` for an operator that is compared with a policy on the policy's scenes.
     """
     task, rig, model = _scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
@@ -72,7 +73,7 @@ def demonstrate(index: int, config: CollectConfig) -> Episode:
         task,
         model,
         rig,
-        seed=(config.seed, index),
+        seed=(config.seed, index, scenes),
         tare_s=config.tare_s,
         impedance=config.impedance,
         control=config.control,

@@ -81,7 +81,7 @@ class Controller:
 
     def tick(self) -> Float[np.ndarray, " 7"]:
         """Decide one tick's torque [N.m], without gravity, from `obs` and `req`. Shape (7,), a view of the state."""
-        law.tick(self.obs[0], self.req[0], self.ctl[0])
+        law.tick_each(self.obs, self.req, self.ctl)
         return self.ctl["tau"][0]
 
     @property

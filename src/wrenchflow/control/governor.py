@@ -5,8 +5,6 @@ The energy tank, the stiffness slew and the mode machine belong here too, and co
 
 import math
 
-import numpy as np
-
 from wrenchflow.compiled import kernel
 from wrenchflow.so3 import exp_into, log_into, multiply_into, multiply_transposed_into
 
@@ -77,7 +75,7 @@ def leash_position(ctl, x):
     lie in the leash, so the reference ends in it at every tick.
     """
     distance = 0.0
-    wanted = np.empty(3)
+    wanted = ctl.vector
     for i in range(3):
         row = abs(ctl.K_lin[i, 0]) + abs(ctl.K_lin[i, 1]) + abs(ctl.K_lin[i, 2])
         leash = ctl.force_max / row if row > 0.0 else 0.0
@@ -101,34 +99,32 @@ def leash_rotation(ctl, R):
         if row > stiffest:
             stiffest = row
     leash = ctl.moment_max / stiffest if stiffest > 0.0 else 0.0
-    _pull_within(ctl.R_d, R, leash)
-    wanted = np.empty((3, 3))
+    wanted, work, vector = ctl.matrices[0], ctl.matrices[1:], ctl.vector
+    _pull_within(ctl.R_d, R, leash, work, vector)
     for i in range(3):
         for j in range(3):
             wanted[i, j] = ctl.R_target[i, j]
-    _pull_within(wanted, R, leash)
-    difference, vector, step, turned = np.empty((3, 3)), np.empty(4), np.empty((3, 3)), np.empty((3, 3))
-    multiply_transposed_into(wanted, ctl.R_d, difference)
-    log_into(difference, vector)
-    angle = math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
-    if angle == 0.0:
-        return
-    share = ctl.turn_step_max / angle if angle > ctl.turn_step_max else 1.0
-    exp_into(share * vector[0], share * vector[1], share * vector[2], step)
-    multiply_into(step, ctl.R_d, turned)
-    _orthonormal_into(turned, ctl.R_d)
+    _pull_within(wanted, R, leash, work, vector)
+    _pull_within(wanted, ctl.R_d, ctl.turn_step_max, work, vector)
+    _orthonormal_into(wanted, ctl.R_d)
 
 
 @kernel
-def _pull_within(rotation, centre, angle_max):
-    difference, vector = np.empty((3, 3)), np.empty(4)
+def _pull_within(rotation, centre, angle_max, work, vector):
+    difference, turned = work[0], work[1]
     multiply_transposed_into(rotation, centre, difference)
+    # Mostly it is within already; its cosine tells that without the logarithm.
+    cosine = (difference[0, 0] + difference[1, 1] + difference[2, 2] - 1.0) / 2.0
+    if angle_max >= math.pi or cosine >= math.cos(angle_max):
+        return
     log_into(difference, vector)
     angle = math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
-    if angle > angle_max:
-        share = angle_max / angle
-        exp_into(share * vector[0], share * vector[1], share * vector[2], difference)
-        multiply_into(difference, centre, rotation)
+    share = angle_max / angle
+    exp_into(share * vector[0], share * vector[1], share * vector[2], difference)
+    multiply_into(difference, centre, turned)
+    for i in range(3):
+        for j in range(3):
+            rotation[i, j] = turned[i, j]
 
 
 @kernel
@@ -158,10 +154,10 @@ def cap_norm(vector, first, cap):
 
 
 @kernel
-def limit_torque(tau, ctl):
-    """Limit magnitude, then change since the last tick, then magnitude again; the result becomes the last command."""
-    for i in range(tau.shape[0]):
+def limit_torque(ctl):
+    """Limit the wanted torque: magnitude, then change since the last tick, then magnitude again."""
+    for i in range(ctl.tau.shape[0]):
         limit, step, last = ctl.tau_max[i], ctl.tau_step_max[i], ctl.tau[i]
-        wanted = min(max(tau[i], -limit), limit)
+        wanted = min(max(ctl.tau_wanted[i], -limit), limit)
         wanted = min(max(wanted, last - step), last + step)
         ctl.tau[i] = min(max(wanted, -limit), limit)

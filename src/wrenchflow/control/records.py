@@ -74,6 +74,14 @@ CTL = np.dtype(
         ("workspace_max", "f8", 3),
         ("K_lin_max", "f8"),  # [N/m]
         ("K_rot_max", "f8"),  # [N.m/rad]
+        # What a tick works with, kept here so that the loop allocates nothing.
+        ("e", "f8", 6),  # error of the pose, world-aligned [m, rad]
+        ("V", "f8", 6),  # twist [m/s, rad/s]
+        ("F", "f8", 6),  # task-space wrench [N, N.m]
+        ("posture", "f8", JOINTS),  # nullspace torque, its task-space share still in it [N.m]
+        ("tau_wanted", "f8", JOINTS),  # the law's torque, before limits [N.m]
+        ("vector", "f8", 4),
+        ("matrices", "f8", (3, 3, 3)),
     ],
     align=True,
 )

@@ -19,7 +19,9 @@ from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task
 
-FORMAT_TIME_MARGIN_S = 0.5
+_MARGIN_S = 0.5  # The last step may end after the time limit.
+# Last number of an attempt's seed: evaluation never meets a scene that was demonstrated.
+DEMONSTRATE, EVALUATE = 0, 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +66,7 @@ class Attempt:
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
-        capacity_s = tare_s + task.time_limit_s + FORMAT_TIME_MARGIN_S
+        capacity_s = tare_s + task.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
         self.controller = Controller(rig, control)
         self.plant.begin(self.controller, impedance)

@@ -58,9 +58,18 @@ MEASURE = np.dtype(
         ("joint_velocity_noise", "f8"),  # [rad/s]
         ("torque_noise", "f8"),  # [N.m]
         ("R_error", "f8", (3, 3)),  # constant calibration error of the TCP's orientation
+        ("shift", "f8", 6),  # of the measured TCP, by the noise of the joints [m, rad]
+        ("matrices", "f8", (3, 3, 3)),  # what a tick works with
     ],
     align=True,
 )
+
+
+@kernel
+def read(model, data, views, measure, sensors, white, obs):
+    """The first half of a tick: kinematics and forces without control, then what is measured of them, into `obs`."""
+    _mj_step1(model, data)
+    observe(model, data, views, measure[0], sensors[0], white, obs[0])
 
 
 @kernel
@@ -76,7 +85,8 @@ def observe(model, data, views, measure, sensor, white, obs):
     _mj_full_inertia(model, data, obs.M.ctypes.data)
     obs.t_ns = EPOCH_NS + measure.tick * TICK_NS
     measure.tick += 1
-    shift = np.zeros(6)
+    shift, R_true, step, turned = measure.shift, measure.matrices[0], measure.matrices[1], measure.matrices[2]
+    shift[:] = 0.0
     for j in range(JOINTS):
         noise = measure.joint_position_noise * white[6 + j]
         obs.q[j] = qpos[j] + noise
@@ -87,7 +97,6 @@ def observe(model, data, views, measure, sensor, white, obs):
         obs.coriolis[j] = bias[j] - gravity[j]
         for a in range(6):
             shift[a] += J[a, j] * noise
-    turned, R_true, step = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for i in range(3):
         obs.x[i] = site_xpos[site, i] + shift[i]
         for j in range(3):
@@ -100,9 +109,14 @@ def observe(model, data, views, measure, sensor, white, obs):
 
 @kernel
 def record(obs, ctl, rows, index):
-    """Store one tick's row."""
+    """Store one tick's row; `obs` and `ctl` are arrays of one record."""
+    _record(obs[0], ctl[0], rows, index)
+
+
+@kernel
+def _record(obs, ctl, rows, index):
     row = rows[index]
-    last = rows[index - 1] if index > 0 else rows[index]
+    last = rows[max(index - 1, 0)]
     row.t_ns = obs.t_ns
     for j in range(JOINTS):
         row.joint_states[j] = obs.q[j]
@@ -128,20 +142,17 @@ def record(obs, ctl, rows, index):
 
 @kernel
 def _pose_into(x, R, near, out):
-    quat = np.empty(4)
+    quat = out[3:]
+    w, a, b, c = near[3], near[4], near[5], near[6]
     quat_into(R, quat)
-    dot, largest = 0.0, 0
-    for i in range(4):
-        dot += quat[i] * near[3 + i]
-        if abs(quat[i]) > abs(quat[largest]):
-            largest = i
-    if dot == 0.0:  # The first row: nothing to be near to.
-        dot = quat[largest]
+    dot = w * quat[0] + a * quat[1] + b * quat[2] + c * quat[3]
+    if dot == 0.0:  # The first row: nothing to be near to, so the largest component is positive.
+        dot = quat[np.argmax(np.abs(quat))]
     sign = -1.0 if dot < 0.0 else 1.0
     for i in range(3):
         out[i] = x[i]
     for i in range(4):
-        out[3 + i] = sign * quat[i]
+        quat[i] *= sign
 
 
 @kernel
@@ -164,10 +175,9 @@ def advance(model, data, views, measure, sensors, white, obs, req, ctl, rows, fi
     """
     ctrl = views[2]
     for k in range(count):
-        _mj_step1(model, data)
-        observe(model, data, views, measure[0], sensors[0], white[k], obs[0])
+        read(model, data, views, measure, sensors, white[k], obs)
         impedance.tick(obs[0], req[0], ctl[0])
         for j in range(JOINTS):
             ctrl[j] = ctl[0].tau[j]
-        record(obs[0], ctl[0], rows, first + k)
+        record(obs, ctl, rows, first + k)
         _mj_step2(model, data)

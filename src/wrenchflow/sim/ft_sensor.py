@@ -48,7 +48,7 @@ def make_sensor(sensor: Sensor, faults: SensorFaults, rng: np.random.Generator, 
     state["drift"] = rng.normal(size=6) * np.repeat([faults.drift_n_min, faults.drift_nm_min], 3) * tick_s / 60.0
     state["noise"], state["range"] = sensor.noise, sensor.range
     state["quantum"] = np.repeat([faults.quantum_n, faults.quantum_nm], 3)
-    section = butter(2, sensor.lowpass_hz, fs=1.0 / tick_s, output="sos")[0]
+    section = np.asarray(butter(2, sensor.lowpass_hz, fs=1.0 / tick_s, output="sos"))[0]
     state["b"], state["a"] = section[:3], section[3:]
     return record
 

@@ -64,6 +64,7 @@ class Plant:
         data.qvel[:] = 0.0
         mujoco.mj_forward(model, data)
         self.model, self.data, self._rng = model, data, rng
+        self._addresses = model._address, data._address
         self.rows = np.zeros(round(capacity_s / TICK_S), ROW)
         self.count = 0
         self._measure = np.zeros(1, MEASURE)
@@ -90,7 +91,7 @@ class Plant:
 
     def begin(self, controller: Controller, impedance: Impedance) -> None:
         """Let a controller start at the measured pose, before the first tick."""
-        self._observe(controller.obs)
+        self.read(controller.obs)
         self._measure["tick"] = 0
         controller.start(impedance)
 
@@ -107,14 +108,12 @@ class Plant:
         Raises:
             ControlError: If MuJoCo had to reset an unstable state, or there is no room for the rows.
         """
+        self._require_room(ticks)
         first = self.count
-        if first + ticks > len(self.rows):
-            raise ControlError(f"an episode of {len(self.rows)} ticks is full; {ticks} more were asked for at {first}.")
         for start in range(0, ticks, CHUNK_TICKS):
             count = min(CHUNK_TICKS, ticks - start)
             engine.advance(
-                self.model._address,
-                self.data._address,
+                *self._addresses,
                 self._views,
                 self._measure,
                 self._sensor,
@@ -132,13 +131,18 @@ class Plant:
 
     def read(self, obs: np.ndarray) -> None:
         """Fill `obs` with this tick's state (the protocol's way, one tick at a time)."""
-        mujoco.mj_step1(self.model, self.data)
-        self._observe(obs)
+        engine.read(*self._addresses, self._views, self._measure, self._sensor, self._noise(1)[0], obs)
 
     def write(self, tau: Float[np.ndarray, " 7"]) -> None:
         """Command a torque [N.m] and let one millisecond pass."""
         self.data.ctrl[:] = tau
         mujoco.mj_step2(self.model, self.data)
+
+    def record(self, controller: Controller) -> None:
+        """Store the row of a tick that went through `read` and `controller.tick`; `advance` does so by itself."""
+        self._require_room(1)
+        engine.record(controller.obs, controller.ctl, self.rows, self.count)
+        self.count += 1
 
     @property
     def recorded(self) -> np.ndarray:
@@ -151,11 +155,11 @@ class Plant:
         site = self.data.site("tcp")
         return make_pose(site.xpos.copy(), site.xmat.reshape(3, 3).copy())
 
-    def _observe(self, obs: np.ndarray) -> None:
-        white = self._noise(1)[0]
-        engine.observe(
-            self.model._address, self.data._address, self._views, self._measure[0], self._sensor[0], white, obs[0]
-        )
+    def _require_room(self, ticks: int) -> None:
+        if self.count + ticks > len(self.rows):
+            raise ControlError(
+                f"an episode of {len(self.rows)} ticks is full; {ticks} more were asked for at {self.count}."
+            )
 
     def _noise(self, ticks: int) -> Float[np.ndarray, "n k"]:
         # Drawn in blocks of fixed size, so that how an episode is cut into chunks does not change its numbers.

@@ -1,0 +1,140 @@
+"""A policy on the simulated arm in virtual time: what it sees, what it plans, and the core that follows at 1 kHz."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from wrenchflow.config import to_mapping
+from wrenchflow.control.controller import TICK_NS
+from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.deploy.plans import Plan, PlanFollower
+from wrenchflow.episode import Episode, Stream
+from wrenchflow.observation import HISTORY_NS, observe
+from wrenchflow.policy.policy import Policy
+from wrenchflow.process.live import LiveWrench
+from wrenchflow.rig import Rig
+from wrenchflow.signals import POSE
+from wrenchflow.sim.attempt import EVALUATE, Attempt, episode_id
+from wrenchflow.sim.streams import streams_of
+from wrenchflow.sim.tasks.task import Task
+
+# A wrench reaches us one tick after it was measured, so the state of a stamp is complete two ticks after it.
+_MEASURE_TICKS = 2
+_SLICE_TICKS = 10  # Success and the arrival of plans are looked at this often.
+_TAIL_TICKS = HISTORY_NS // TICK_NS + 8
+
+
+class Rollout:
+    """One attempt of a policy: looks when its step comes, follows the plan until the next.
+
+    Attributes:
+        attempt: The scene, the arm and the record.
+        seen: What the policy was shown at each step, newest last. Shape (width,) each.
+    """
+
+    def __init__(self, attempt: Attempt, policy: Policy) -> None:
+        """Begin at the end of the tare."""
+        self.attempt, self._policy = attempt, policy
+        self._feel = LiveWrench(streams_of(attempt.plant.recorded), attempt.tare, attempt.rig)
+        self._follower = PlanFollower(attempt.target_pose, attempt.start_ns)
+        self._arriving: deque[tuple[int, Plan]] = deque()
+        self._t_ns = attempt.start_ns
+        self.seen: list[Float32[np.ndarray, " width"]] = []
+        goal = attempt.scene.T_base_goal_perceived
+        first_ns = attempt.plant.rows["t_ns"][:1].copy()
+        self._goal = Stream(first_ns, goal[None].copy(), POSE, "base")
+        self.dropped_waypoints = 0
+
+    @property
+    def over(self) -> bool:
+        """Whether the task is done, or its time has run out."""
+        return self.attempt.over
+
+    @property
+    def goal_pose(self) -> Float[np.ndarray, " 7"]:
+        """The goal as perceived."""
+        return self._goal.data[0]
+
+    def look(self) -> Float32[np.ndarray, "n_obs_steps width"]:
+        """Let the state of this step's stamp arrive, and give the features of the last steps, the newest last."""
+        self._run(_MEASURE_TICKS)
+        rows = self.attempt.plant.recorded[-_TAIL_TICKS:]
+        streams = {**streams_of(rows), "wrench": self._feel.tail, "goal_pose": self._goal}
+        features = self._policy.features
+        seen = observe(streams, np.array([self._t_ns]), features.observation_names)
+        self.seen.append(features.encode(seen)[0])
+        n = self._policy.n_obs_steps
+        padded = [self.seen[0]] * (n - len(self.seen)) + self.seen[-n:]
+        return np.stack(padded)
+
+    def follow(self, poses: Float[np.ndarray, "n 7"], latency_ns: int) -> None:
+        """Take the policy's plan for this step, and let the arm follow until the next step or the end."""
+        period_ns = self._policy.period_ns
+        t = self._t_ns + period_ns * np.arange(1, len(poses) + 1)
+        arrival_ns = self._t_ns + _MEASURE_TICKS * TICK_NS + latency_ns
+        self._arriving.append((arrival_ns, Plan(t_obs_ns=self._t_ns, t=t, poses=poses)))
+        self._t_ns += period_ns
+        while not self.over and (left := (self._t_ns - self._now_ns) // TICK_NS) > 0:
+            self._run(min(_SLICE_TICKS, left))
+
+    @property
+    def _now_ns(self) -> int:
+        return int(self.attempt.plant.recorded[-1]["t_ns"]) + TICK_NS
+
+    def _run(self, ticks: int) -> None:
+        now_ns = self._now_ns
+        while self._arriving and self._arriving[0][0] <= now_ns:
+            self.dropped_waypoints += self._follower.accept(self._arriving.popleft()[1], now_ns)
+        first = self.attempt.plant.count
+        self.attempt.advance(self._follower.target(now_ns + ticks * TICK_NS), ticks)
+        self._feel.push(*self.attempt.samples_since(first))
+
+    def episode(self, id: str, **meta: Any) -> Episode:
+        """The recording."""
+        return self.attempt.episode(
+            id, {}, [], policy={"steps": len(self.seen), "dropped_waypoints": self.dropped_waypoints}, **meta
+        )
+
+
+def roll_out(
+    indices: Sequence[int], policy: Policy, task: Task, model: Any, rig: Rig, config: DeployConfig
+) -> list[Episode]:
+    """Run some attempts side by side, with one inference for all of them at each step.
+
+    Args:
+        indices: Numbers of the attempts; with the seed they determine scene and noise.
+        policy: What decides.
+        task: What is attempted.
+        model: `task.make_model(rig)`.
+        rig: The robot cell.
+        config: Seed, latency, gains.
+    """
+    rollouts = [
+        Rollout(
+            Attempt(
+                task,
+                model,
+                rig,
+                seed=(config.seed, index, EVALUATE),
+                tare_s=config.tare_s,
+                impedance=config.impedance,
+                control=config.control,
+            ),
+            policy,
+        )
+        for index in indices
+    ]
+    latency_ns = round(config.latency_s * 1e9)
+    while running := [rollout for rollout in rollouts if not rollout.over]:
+        observations = np.stack([rollout.look() for rollout in running])
+        goals = np.stack([rollout.goal_pose for rollout in running])
+        plans = policy.act(observations, goals, [rollout.attempt.rng for rollout in running])
+        for rollout, poses in zip(running, plans, strict=True):
+            rollout.follow(poses, latency_ns)
+    return [
+        rollout.episode(episode_id(f"rollout-{config.task}", config.seed, index), deploy=to_mapping(config))
+        for index, rollout in zip(indices, rollouts, strict=True)
+    ]

@@ -1,0 +1,107 @@
+"""The stage `deploy`: a run folder's policy on a task, many times, recorded and judged."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from wrenchflow.config import to_mapping
+from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.deploy.evaluation import Verdict, judge, summarise
+from wrenchflow.episodes_map import map_episodes
+from wrenchflow.manifest import output_folder, write_json, write_manifest
+from wrenchflow.recording.writer import write_episode
+from wrenchflow.rig import Rig, load_rig
+from wrenchflow.sim.tasks import make_task
+from wrenchflow.sim.tasks.task import Task
+
+EVALUATION = "evaluation.json"
+
+
+@cache
+def _scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
+    loaded, made = load_rig(rig), make_task(task)
+    return made, loaded, made.make_model(loaded)
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Some attempts of a policy; an object, so that it travels to a worker process."""
+
+    run: Path
+    config: DeployConfig
+    folder: Path | None
+
+    def __call__(self, indices: Sequence[int]) -> list[Verdict]:
+        import torch
+
+        from wrenchflow.deploy.rollout import roll_out
+        from wrenchflow.policy.checkpoint import load_policy
+        from wrenchflow.policy.policy import WithoutForceInput
+
+        torch.set_num_threads(1)
+        policy = load_policy(self.run)
+        acting = WithoutForceInput(policy) if self.config.wrench_input == "zeroed" else policy
+        task, rig, model = _scenery(self.config.task, self.config.rig)
+        verdicts = []
+        for episode in roll_out(indices, acting, task, model, rig, self.config):
+            verdict = judge(
+                episode, force_limit_n=self.config.force_limit_n, force_cutoff_hz=self.config.force_cutoff_hz
+            )
+            verdicts.append(verdict)
+            if self.folder is not None:
+                write_episode(self.folder / f"{episode.id}.mcap", episode.with_meta(verdict=to_mapping(verdict)))
+        return verdicts
+
+
+def evaluate(run: Path, config: DeployConfig, *, jobs: int = 1, folder: Path | None = None) -> Iterator[Verdict]:
+    """Let a policy try `config.episodes` times.
+
+    Args:
+        run: The run folder.
+        config: Task, seed, limits.
+        jobs: Worker processes.
+        folder: Where each attempt is recorded; None records nothing.
+
+    Yields:
+        One verdict an attempt, in order.
+    """
+    _scenery(config.task, config.rig)
+    batches = [
+        range(start, min(start + config.batch, config.episodes)) for start in range(0, config.episodes, config.batch)
+    ]
+    for verdicts in map_episodes(_Batch(run, config, folder), batches, jobs=jobs):
+        yield from verdicts
+
+
+def deploy_folder(
+    run: Path, out: Path, config: DeployConfig, *, jobs: int = 1, overwrite: bool = False
+) -> Iterator[Verdict]:
+    """Deploy a run's policy, and write `<id>.mcap`, `evaluation.json` and `manifest.json`.
+
+    Args:
+        run: The run folder.
+        out: Folder of the recordings; it appears when all are there.
+        config: Task, seed, limits.
+        jobs: Worker processes.
+        overwrite: Replace a folder that is there.
+
+    Yields:
+        One verdict an attempt, in order.
+
+    Raises:
+        CheckpointError: If `run` holds no policy that fits.
+        OutputError: If `out` is there, and may not be replaced.
+    """
+    from wrenchflow.policy.checkpoint import load_policy
+
+    load_policy(run)  # A run that cannot be loaded is refused here, before workers start.
+    with output_folder(out, overwrite=overwrite) as folder:
+        verdicts = []
+        for verdict in evaluate(run, config, jobs=jobs, folder=folder):
+            verdicts.append(verdict)
+            yield verdict
+        attempts = [asdict(verdict) for verdict in verdicts]
+        write_json(folder / EVALUATION, {**summarise(verdicts), "attempts_by_id": attempts})
+        write_manifest(folder, "deploy", config, sorted(run.glob("*.json")), seed=config.seed)
