@@ -2,9 +2,12 @@
 
 import importlib.util
 import pkgutil
+from dataclasses import replace
 from pathlib import Path
 
 import hypothesis
+import numpy as np
+import pytest
 from jaxtyping import install_import_hook
 
 import wrenchflow
@@ -27,3 +30,76 @@ _hook = install_import_hook(
 
 hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("reproducible")
+
+
+@pytest.fixture(scope="session")
+def rig():
+    """The rig that comes with wrenchflow."""
+    from wrenchflow.rig import load_rig
+
+    return load_rig("panda_peg")
+
+
+@pytest.fixture(scope="session")
+def quiet_rig(rig):
+    """The same with a sensor without noise."""
+    return replace(rig, sensor=replace(rig.sensor, noise_force_n=0.0, noise_torque_nm=0.0))
+
+
+@pytest.fixture(scope="session")
+def peg():
+    """The peg-insertion task."""
+    from wrenchflow.sim.tasks import make_task
+
+    return make_task("peg-insertion")
+
+
+@pytest.fixture(scope="session")
+def peg_model(peg, rig):
+    """The MuJoCo model of peg insertion, which no test may write to."""
+    return peg.make_model(rig)
+
+
+@pytest.fixture(scope="session")
+def perfect():
+    """A measurement without noise or error."""
+    from wrenchflow.sim.ft_sensor import SensorFaults
+    from wrenchflow.sim.plant import Measurement
+
+    sensor = SensorFaults(
+        bias_force_n=0.0, bias_torque_nm=0.0, drift_n_min=0.0, drift_nm_min=0.0, quantum_n=0.0, quantum_nm=0.0
+    )
+    return Measurement(
+        joint_position_noise_rad=0.0,
+        joint_velocity_noise_rad_s=0.0,
+        torque_noise_nm=0.0,
+        orientation_error_rad=0.0,
+        sensor=sensor,
+    )
+
+
+@pytest.fixture(scope="session")
+def peg_plant(peg, peg_model, rig):
+    """Make a plant and its controller, begun, at the start of a scene of peg insertion, or at joint angles."""
+    import mujoco
+
+    from wrenchflow.control.config import ControlConfig, Impedance
+    from wrenchflow.control.controller import Controller
+    from wrenchflow.sim.plant import Measurement, Plant
+
+    def make(
+        seed=0, *, measurement=None, with_rig=None, model=None, q_rad=None, capacity_s=8.0, control=None, impedance=None
+    ):
+        model, with_rig = model or peg_model, with_rig or rig
+        rng = np.random.default_rng(seed)
+        scene, data = peg.draw(model, rng), mujoco.MjData(model)
+        peg.place(model, data, scene)
+        if q_rad is not None:
+            data.qpos[:] = q_rad
+            mujoco.mj_forward(model, data)
+        plant = Plant(model, data, with_rig, measurement or Measurement(), rng, capacity_s=capacity_s)
+        controller = Controller(with_rig, control or ControlConfig())
+        plant.begin(controller, impedance or Impedance())
+        return plant, controller, scene
+
+    return make

@@ -18,7 +18,8 @@ NAME = "manifest.json"
 _RECORDED_PACKAGES = ("numpy", "scipy", "numba", "mujoco", "mcap", "h5py", "pyarrow", "torch", "diffusers")
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of wrenchflow and of what its results depend on, where it is installed."""
     found = {"wrenchflow": __version__}
     for package in _RECORDED_PACKAGES:
         try:
@@ -50,7 +51,7 @@ def write_manifest(
         "stage": stage,
         "config": to_mapping(config),
         "seed": seed,
-        "versions": _versions(),
+        "versions": versions(),
         "inputs": {path.name: sha256_of(path) for path in sorted(inputs)},
     }
     write_json(folder / name, manifest)

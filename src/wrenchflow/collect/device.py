@@ -1,12 +1,13 @@
 """What a teleoperation device is, and how its axes become a twist of the target. Real and emulated ones share it."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int64
 
 
+@runtime_checkable
 class Device(Protocol):
     """Six axes and two buttons, read without waiting."""
 

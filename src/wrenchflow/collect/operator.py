@@ -1,7 +1,7 @@
 """What an operator is: somebody who sees and feels, and wants the target somewhere."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +26,7 @@ class Perception:
     wrench_mean: Float[np.ndarray, " 6"]
 
 
+@runtime_checkable
 class Operator(Protocol):
     """Decides where the target should be, two hundred times a second."""
 

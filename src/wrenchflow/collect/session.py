@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchflow import signals
+from wrenchflow.collect.blind_spiral import BlindSpiral
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.emulated_spacemouse import EmulatedSpaceMouse
 from wrenchflow.collect.operator import Operator, Perception
@@ -20,6 +21,7 @@ from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.filtering import window_mean
 from wrenchflow.manifest import output_folder, write_manifest
+from wrenchflow.observation import MEAN_NS
 from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.writer import write_episode
 from wrenchflow.rig import Rig, load_rig
@@ -29,7 +31,7 @@ from wrenchflow.sim.tasks import make_task
 from wrenchflow.sim.tasks.task import Task
 from wrenchflow.spatial import exp_so3, make_pose, rotation_of
 
-_MEAN_NS = 100_000_000
+OPERATORS = ("scripted", "blind-spiral")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,9 @@ def make_operator(name: str, config: CollectConfig) -> Operator:
     """
     if name == "scripted":
         return PegByFeel(impedance=config.impedance)
-    raise ConfigError(unknown("operator", name, ["scripted"]))
+    if name == "blind-spiral":
+        return BlindSpiral(config.impedance, period_s=1.0 / config.device_hz)
+    raise ConfigError(unknown("operator", name, OPERATORS))
 
 
 def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE) -> Episode:
@@ -122,14 +126,14 @@ class _Session:
         attempt.advance(moved(attempt.target_pose, twist, self._period_s), self._ticks, self._disturb())
         self._feel.push(*attempt.samples_since(first))
 
-    def _perceive(self, row: np.ndarray) -> Perception:
+    def _perceive(self, row: np.void) -> Perception:
         felt = self._feel.tail
         return Perception(
             t_s=self._attempt.elapsed_s,
             tcp_pose=row["tcp_pose"],
             goal_pose=self._attempt.scene.T_base_goal_perceived,
             wrench=felt.data[-1],
-            wrench_mean=window_mean(felt.t, felt.data, felt.t[-1:], _MEAN_NS)[0],
+            wrench_mean=window_mean(felt.t, felt.data, felt.t[-1:], MEAN_NS)[0],
         )
 
     def _disturb(self) -> np.ndarray:

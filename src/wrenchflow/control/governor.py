@@ -147,7 +147,8 @@ def _orthonormal_into(A, out):
 @kernel
 def cap_norm(vector, first, cap):
     """Shorten three entries of `vector`, from `first` on, to a length of `cap` at most."""
-    n = math.sqrt(vector[first] ** 2 + vector[first + 1] ** 2 + vector[first + 2] ** 2)
+    x, y, z = vector[first], vector[first + 1], vector[first + 2]
+    n = math.sqrt(x * x + y * y + z * z)
     if n > cap:
         for i in range(first, first + 3):
             vector[i] *= cap / n

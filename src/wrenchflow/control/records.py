@@ -6,10 +6,17 @@ Plain structured memory: a batch of controllers is an array of `CTL`, a snapshot
 
 import numpy as np
 
+# Kernels read the constants of this file, so it is one of those that `wrenchflow.compiled` looks at for changes.
 JOINTS = 7
 
+
+def _record(fields: list[tuple]) -> np.dtype:
+    # `np.record` gives plain Python the field access, `obs.q`, that compiled code has anyway.
+    return np.dtype((np.record, np.dtype(fields, align=True)))
+
+
 # What the robot says at one tick. Poses and the Jacobian are of the TCP in the base frame, world-aligned, linear first.
-OBS = np.dtype(
+OBS = _record(
     [
         ("t_ns", "i8"),
         ("q", "f8", JOINTS),  # [rad]
@@ -22,12 +29,11 @@ OBS = np.dtype(
         ("M", "f8", (JOINTS, JOINTS)),  # joint inertia, rotors included [kg m^2]
         ("coriolis", "f8", JOINTS),  # c(q, dq) [N.m]
         ("wrench", "f8", 6),  # as the sensor gives it, sensor frame [N, N.m]; the last tick's
-    ],
-    align=True,
+    ]
 )
 
 # What is asked: a straight segment of the target over `ticks` ticks, and how stiffly to follow it.
-REQ = np.dtype(
+REQ = _record(
     [
         ("x_start", "f8", 3),
         ("x_stop", "f8", 3),
@@ -38,12 +44,11 @@ REQ = np.dtype(
         ("K_rot", "f8", (3, 3)),  # [N.m/rad]
         ("damping_ratio", "f8"),
         ("x_offset", "f8", 3),  # a disturbance to be tracked besides, which is not part of the target [m]
-    ],
-    align=True,
+    ]
 )
 
 # All that the controller remembers, and its limits.
-CTL = np.dtype(
+CTL = _record(
     [
         ("tick", "i8"),  # ticks since the start
         ("segment_tick", "i8"),  # ticks into the present segment
@@ -82,8 +87,7 @@ CTL = np.dtype(
         ("tau_wanted", "f8", JOINTS),  # the law's torque, before limits [N.m]
         ("vector", "f8", 4),
         ("matrices", "f8", (3, 3, 3)),
-    ],
-    align=True,
+    ]
 )
 
 FAULT_NONE = 0

@@ -1,10 +1,11 @@
 """What control asks of an arm, simulated or real."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 
+@runtime_checkable
 class Robot(Protocol):
     """An arm that takes joint torque a thousand times a second.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from wrenchflow.episode import Episode
 from wrenchflow.filtering import lowpass
@@ -77,13 +78,26 @@ def summarise(verdicts: Sequence[Verdict]) -> dict[str, Any]:
         "successes": successes,
         "success_rate": successes / len(verdicts) if verdicts else 0.0,
         "success_interval": list(wilson_interval(successes, len(verdicts))),
-        "peak_force_n": _spread(peaks_n),
-        "duration_s": _spread(done_s),
+        "peak_force_n": spread(peaks_n),
+        "duration_s": spread(done_s),
         "failures": dict(sorted(Counter(verdict.failure for verdict in verdicts if not verdict.success).items())),
     }
 
 
-def _spread(values: Sequence[float]) -> dict[str, float | None]:
+def paired_p_value(first: Sequence[Verdict], second: Sequence[Verdict]) -> float:
+    """How likely two arms on the same scenes would differ this much by chance (exact McNemar test, two-sided).
+
+    Source: McNemar, *Note on the sampling error of the difference between correlated proportions* (1947).
+    """
+    pairs = [(a.success, b.success) for a, b in zip(first, second, strict=True)]
+    only_first, only_second = pairs.count((True, False)), pairs.count((False, True))
+    if only_first + only_second == 0:
+        return 1.0
+    return float(binomtest(only_first, only_first + only_second, 0.5).pvalue)
+
+
+def spread(values: Sequence[float]) -> dict[str, float | None]:
+    """Median, 95th percentile and maximum; None where there are no values."""
     if not values:
         return {"median": None, "p95": None, "max": None}
     return {

@@ -92,7 +92,7 @@ class Diffusion:
         observations: Float[Tensor, "B n_obs_steps width"],
         noise: Float[Tensor, "B noise_draws horizon action"],
     ) -> Float[Tensor, "B horizon action"]:
-        """Denoise the first draw, in the few steps that were asked for; each step takes one more draw."""
+        """Denoise the first draw, in a few steps; with fresh noise, each step takes one more draw."""
         chunk = noise[:, 0]
         for i, step in enumerate(self._acting.timesteps):
             predicted = network(chunk, step.expand(len(chunk)), observations)

@@ -76,11 +76,12 @@ class Plant:
         self.orientation_error_rad = rng.normal(size=3) * measurement.orientation_error_rad / np.sqrt(3.0)
         state["R_error"] = exp_so3(self.orientation_error_rad)
         self._sensor = make_sensor(rig.sensor, measurement.sensor, rng, TICK_S)
-        self._white = np.empty((0, NOISE_WIDTH))
+        self._white, self._drawn = np.empty((0, NOISE_WIDTH)), 0
+        self._ctrl = data.ctrl
         self._views = (
             data.qpos,
             data.qvel,
-            data.ctrl,
+            self._ctrl,
             data.qfrc_bias,
             data.qfrc_gravcomp,
             data.qfrc_constraint,
@@ -135,7 +136,7 @@ class Plant:
 
     def write(self, tau: Float[np.ndarray, " 7"]) -> None:
         """Command a torque [N.m] and let one millisecond pass."""
-        self.data.ctrl[:] = tau
+        self._ctrl[:] = tau
         mujoco.mj_step2(self.model, self.data)
 
     def record(self, controller: Controller) -> None:
@@ -163,11 +164,11 @@ class Plant:
 
     def _noise(self, ticks: int) -> Float[np.ndarray, "n k"]:
         # Drawn in blocks of fixed size, so that how an episode is cut into chunks does not change its numbers.
-        while len(self._white) < ticks:
+        while len(self._white) < self._drawn + ticks:
             block = self._rng.standard_normal((_NOISE_BLOCK_TICKS, NOISE_WIDTH))
-            self._white = np.concatenate([self._white, block])
-        taken, self._white = self._white[:ticks], self._white[ticks:]
-        return taken
+            self._white, self._drawn = np.concatenate([self._white[self._drawn :], block]), 0
+        self._drawn += ticks
+        return self._white[self._drawn - ticks : self._drawn]
 
     def _check(self) -> None:
         for warning in (

@@ -1,4 +1,4 @@
-"""All windows of all episodes, resident in two tensors and gathered by index: about a thousand batches a second."""
+"""All windows of all episodes, resident in two tensors and gathered by index."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """What a contact task is: a scene that it adds to the arm, a draw of it, and when it has been done."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -25,6 +25,7 @@ class Scene:
     T_base_goal_perceived: Float[np.ndarray, " 7"]
 
 
+@runtime_checkable
 class Task(Protocol):
     """A contact task in simulation."""
 

@@ -1,0 +1,66 @@
+"""The baseline that feels nothing: lands at the perceived hole, presses, and spirals outward until the peg drops."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from wrenchflow.collect.approach import Approach
+from wrenchflow.collect.operator import Perception
+from wrenchflow.collect.peg_by_feel import insert
+from wrenchflow.control.config import Impedance
+
+
+class BlindSpiral:
+    """A spiral search at constant press, as it is done where force is not measured; it may remember how far it got.
+
+    The turns lie closer than the capture diameter, so that none can miss the hole, and the path is led by what friction
+    and the arm's lag hold back: this is meant to be a baseline that is hard to beat.
+    """
+
+    def __init__(
+        self,
+        impedance: Impedance,
+        *,
+        period_s: float,
+        approach: Approach | None = None,
+        press_n: float = 8.0,
+        friction: float = 0.2,
+        speed_m_s: float = 0.012,
+        pitch_m: float = 0.0014,
+    ) -> None:
+        """Prepare for one attempt.
+
+        Args:
+            impedance: How stiffly the target is followed.
+            period_s: Time between calls of `want`.
+            approach: How to get there.
+            press_n: Press while searching [N].
+            friction: Of the peg on the block.
+            speed_m_s: Along the spiral.
+            pitch_m: Distance of its turns.
+        """
+        self._approach = approach or Approach()
+        self._period_s, self._speed_m_s, self._pitch_m = period_s, speed_m_s, pitch_m
+        self._press_m = press_n / impedance.translation_n_m
+        self._drag_m = friction * press_n / impedance.translation_n_m
+        self._angle_rad = 0.0
+
+    def want(self, perception: Perception) -> tuple[Float[np.ndarray, " 7"], str]:
+        """The wanted target pose, and the phase: approach, land, search or insert."""
+        height_m = perception.tcp_pose[2] - perception.goal_pose[2]
+        if height_m < -0.0006:
+            return insert(perception, 0.04 * self._approach.lag_s), "insert"
+        if height_m > 0.0004 and self._angle_rad == 0.0:
+            return self._approach.want(perception)
+        growth_m = self._pitch_m / (2.0 * math.pi)
+        radius_m = growth_m * self._angle_rad
+        self._angle_rad += self._speed_m_s * self._period_s / math.hypot(radius_m, growth_m)
+        cos, sin = math.cos(self._angle_rad), math.sin(self._angle_rad)
+        along = np.array([growth_m * cos - radius_m * sin, growth_m * sin + radius_m * cos])
+        along /= math.hypot(*along)
+        wanted = np.concatenate([perception.goal_pose[:3], perception.goal_pose[3:]])
+        lead_m = self._drag_m + self._speed_m_s * self._approach.lag_s
+        wanted[:2] += radius_m * np.array([cos, sin]) + lead_m * along
+        wanted[2] -= self._press_m
+        return wanted, "search"

@@ -1,0 +1,123 @@
+"""The frame of a page and its small pieces: cards, tables, links. Text that is handed in is escaped here."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+from urllib.parse import quote
+
+from wrenchflow.pages.plot_block import plot_scripts
+from wrenchflow.pages.theme import STYLE
+
+# The browser itself then refuses whatever would need a network.
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+
+_NBSP = "\u00a0"  # A value and its unit stay on one line.
+
+
+def page(title: str, sections: Sequence[str], footer: str) -> str:
+    """A whole HTML document that needs no network.
+
+    Args:
+        title: Plain text.
+        sections: HTML.
+        footer: HTML.
+    """
+    body = "\n".join(part for part in sections if part)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<link rel="icon" href="data:,"><title>{escape(title)}</title><style>{STYLE}</style></head><body>
+<noscript><p class="bad">The plots on this page are drawn by a script within it; this browser runs none.</p></noscript>
+<main>
+{body}
+</main>
+<footer>{footer}</footer>
+{plot_scripts()}
+</body></html>
+"""
+
+
+def section(title: str, *pieces: str) -> str:
+    """A heading (plain text) and the HTML below it."""
+    return f"<section><h2>{escape(title)}</h2>\n" + "\n".join(piece for piece in pieces if piece) + "</section>"
+
+
+def card(label: str, figure: str, detail: str) -> str:
+    """One figure in large type, with what it is above and more about it below; all plain text."""
+    return f'<div class="card"><span>{escape(label)}</span><b>{escape(figure)}</b><span>{escape(detail)}</span></div>'
+
+
+def cards(*each: str) -> str:
+    """Cards side by side."""
+    return f'<div class="cards">{"".join(each)}</div>'
+
+
+def link(text: str, path: str) -> str:
+    """A link to a file beside the page, by its relative path; an address of any other kind is not one."""
+    return f'<a href="{escape(quote(path))}">{escape(text)}</a>'
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, wide: bool = False, main: int | None = None) -> str:
+    """A table.
+
+    Args:
+        head: Plain text, one a column.
+        rows: HTML of each cell; one that begins with `<td` is whole.
+        wide: Whether it takes the page's whole width.
+        main: The row that matters most.
+    """
+    columns = "".join(f"<th>{escape(name)}</th>" for name in head)
+    lines = "\n".join(
+        ('<tr class="main">' if number == main else "<tr>")
+        + "".join(cell if cell.startswith("<td") else f"<td>{cell}</td>" for cell in row)
+        + "</tr>"
+        for number, row in enumerate(rows)
+    )
+    size = ' class="wide"' if wide else ""
+    return f'<div class="scroll"><table{size}><thead><tr>{columns}</tr></thead>\n<tbody>{lines}</tbody></table></div>'
+
+
+def bar(share: float, label: str, *, interval: tuple[float, float] | None = None, main: bool = False) -> str:
+    """A cell with a bar from 0 to 1, and whiskers where an interval is known.
+
+    Args:
+        share: Length of the bar, from 0 to 1.
+        label: What the bar says, for who cannot see it.
+        interval: Ends of the whiskers, from 0 to 1.
+        main: Whether this is the bar that matters most.
+    """
+    kind = "fill main" if main else "fill"
+    marks = ""
+    if interval:
+        low, high = (100.0 * end for end in interval)
+        marks = "".join(
+            f'<line x1="{x1:.2f}" x2="{x2:.2f}" y1="{y1}" y2="{y2}"/>'
+            for x1, x2, y1, y2 in ((low, high, 9, 9), (low, low, 4, 14), (high, high, 4, 14))
+        )
+    return (
+        f'<td class="bar"><svg class="bar" viewBox="0 0 100 18" preserveAspectRatio="none" role="img" '
+        f'aria-label="{escape(label)}"><rect class="track" width="100" height="18"/>'
+        f'<rect class="{kind}" width="{100.0 * share:.2f}" height="18"/>{marks}</svg></td>'
+    )
+
+
+def amount(value: float | None, digits: int, unit: str = "") -> str:
+    """A value with its unit, or what stands where there is none."""
+    return "not assessed" if value is None else f"{value:,.{digits}f}" + (f"{_NBSP}{unit}" if unit else "")
+
+
+def percent(rate: float) -> str:
+    """A rate between 0 and 1, in percent."""
+    return f"{100.0 * rate:.1f}{_NBSP}%"
+
+
+def between(interval: Sequence[float]) -> str:
+    """An interval of rates, in percent."""
+    return f"{100.0 * interval[0]:.1f} to {100.0 * interval[1]:.1f}{_NBSP}%"
+
+
+def footer_line(summary: Mapping[str, Any]) -> str:
+    """Seed and versions, as far as the summary has them."""
+    parts = [f"seed {summary['seed']}"] if "seed" in summary else []
+    parts += [f"{name} {version}" for name, version in summary.get("versions", {}).items()]
+    return escape(" · ".join(parts))

@@ -1,0 +1,83 @@
+"""Colours, style sheet and plot layout of all pages, light and dark."""
+
+from typing import Any
+
+# Vermillion, green and blue of Okabe and Ito: x, y and z as robotics draws them, and apart for the colour-blind too.
+AXIS_COLOURS = ("#d55e00", "#009e73", "#3b8fd9")
+ACCENT = "#3b8fd9"
+GOOD = "#1a9b5f"
+BAD = "#d4462f"
+CONTACT = "rgba(230,159,0,0.75)"
+CONTACT_SHADE = "rgba(230,159,0,0.13)"
+ANOMALY_SHADE = "rgba(212,70,47,0.16)"
+PHASE = ("rgba(128,138,150,0.22)", "rgba(128,138,150,0.40)")
+PHASE_SHADE = "rgba(128,138,150,0.09)"
+# Grey that can be read on white and on black: what a plot shows before the style sheet has its say.
+_NEUTRAL = "#7a828c"
+_FONT = "system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif"
+
+STYLE = f"""
+:root {{ color-scheme: light dark; --text: #1b1f24; --soft: #5b6570; --line: #dfe3e8; --card: #f6f7f9; --back: #ffffff;
+  --accent: {ACCENT}; --good: {GOOD}; --bad: {BAD}; --track: #e6e9ed; }}
+@media (prefers-color-scheme: dark) {{ :root {{ --text: #e7eaee; --soft: #9aa5b1; --line: #2f363e; --card: #1c2127;
+  --back: #14181c; --track: #2a3138; --good: #3fbf85; --bad: #ef7a63; }} }}
+* {{ box-sizing: border-box; }}
+body {{ font: 16px/1.55 {_FONT}; color: var(--text);
+  background: var(--back); margin: 0 auto; max-width: 76rem; padding: 2.2rem 1.5rem 3rem; }}
+h1 {{ font-size: 1.8rem; line-height: 1.2; margin: 0 0 .5rem; }}
+h2 {{ font-size: 1.2rem; margin: 2.6rem 0 .5rem; }} p {{ margin: .5rem 0; max-width: 52rem; }}
+a {{ color: var(--accent); }} small, .soft {{ color: var(--soft); }}
+code, pre {{ font: .88em/1.5 ui-monospace, "SFMono-Regular", Menlo, Consolas, monospace; }}
+pre {{ background: var(--card); border: 1px solid var(--line); border-radius: 6px; margin: .3rem 0 .9rem;
+  overflow-x: auto; padding: .5rem .8rem; }}
+.cards {{ display: grid; gap: .8rem; grid-template-columns: repeat(auto-fit, minmax(15rem, 1fr)); margin: 1.4rem 0; }}
+@media (max-width: 64rem) {{ .cards {{ grid-template-columns: 1fr 1fr; }} }}
+.card {{ background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: .8rem 1.1rem; }}
+.card b {{ display: block; font-size: 2.1rem; line-height: 1.25; }} .card span {{ color: var(--soft); display: block; }}
+.scroll {{ overflow-x: auto; }}
+table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .6rem 0; }}
+table.wide {{ width: 100%; }} th, td {{ border-bottom: 1px solid var(--line); padding: .42rem .9rem .42rem 0;
+  text-align: right; vertical-align: middle; }}
+th {{ color: var(--soft); font-size: .88rem; font-weight: 600; white-space: nowrap; }}
+td:first-child, th:first-child {{ text-align: left; }} td small {{ display: block; line-height: 1.35; }}
+table.wide th:last-child {{ text-align: left; }}
+td.figure {{ white-space: nowrap; }} td.bar {{ padding-right: 0; width: 42%; }}
+tr.main td {{ font-weight: 600; }} tr.main small {{ font-weight: 400; }}
+svg.bar {{ display: block; height: 18px; width: 100%; }} svg.bar .track {{ fill: var(--track); }}
+svg.bar .fill {{ fill: var(--soft); opacity: .55; }} svg.bar .fill.main {{ fill: var(--accent); opacity: .85; }}
+svg.bar line {{ stroke: var(--text); stroke-width: 1.5; vector-effect: non-scaling-stroke; }}
+details {{ border: 1px solid var(--line); border-radius: 8px; margin: .6rem 0; }}
+summary {{ background: var(--card); border-radius: 8px; cursor: pointer; padding: .5rem .9rem; }}
+summary .soft {{ margin-left: .6rem; }} details > div, details > p {{ margin: .5rem .9rem; }}
+.good {{ color: var(--good); font-weight: 600; }} .bad {{ color: var(--bad); font-weight: 600; }}
+dt {{ font-weight: 600; margin-top: .5rem; }} dd {{ margin: 0; max-width: 52rem; }}
+ul {{ margin: .4rem 0; padding-left: 1.2rem; }}
+footer {{ border-top: 1px solid var(--line); color: var(--soft); font-size: .88rem; margin-top: 3rem;
+  padding-top: .8rem; }}
+.plot .xtick text, .plot .ytick text, .plot .xtitle, .plot .ytitle {{ fill: var(--soft) !important; }}
+.plot .annotation-text, .plot .legendtext, .plot .bartext {{ fill: var(--text) !important; }}
+.plot .gridlayer path {{ stroke: var(--line) !important; }}
+.plot .hoverlayer .legend .bg {{ fill: var(--card) !important; stroke: var(--line) !important;
+  fill-opacity: .94 !important; }}
+"""
+
+
+def plot_layout(plot_px: int, *, top_px: int = 24, **others: Any) -> dict[str, Any]:
+    """Layout that every plot starts from: no background of its own, and as wide as the page lets it be.
+
+    Args:
+        plot_px: Height of the plot between its margins [px].
+        top_px: Height of the margin above [px].
+        **others: Entries of the layout of a plotly figure, in addition.
+    """
+    return {
+        "template": "none",
+        "autosize": True,
+        "height": top_px + plot_px + 44,
+        "margin": {"l": 56, "r": 12, "t": top_px, "b": 44},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "font": {"family": _FONT, "size": 12, "color": _NEUTRAL},
+        "hoverlabel": {"font": {"size": 12}},
+        **others,
+    }

@@ -1,0 +1,204 @@
+"""Everything once: demonstrate, process, export, train, deploy, compare, and a page that shows what came out.
+
+It stands above the rooms, beside the command line, and is imported by nothing but it.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol, TypedDict
+
+from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.datasets.config import ExportConfig
+from wrenchflow.datasets.export import export_folder
+from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.deploy.evaluation import Verdict, judge, paired_p_value, spread, summarise
+from wrenchflow.deploy.run import deploy_folder, evaluate
+from wrenchflow.episodes_map import map_episodes
+from wrenchflow.errors import OutputError
+from wrenchflow.manifest import versions
+from wrenchflow.pages.quickstart import quickstart_page
+from wrenchflow.process.config import ProcessConfig
+from wrenchflow.process.pipeline import process_episode, process_folder
+from wrenchflow.quickstart_config import TASK, QuickstartConfig
+from wrenchflow.recording.reader import read_episode
+from wrenchflow.sim.attempt import EVALUATE
+from wrenchflow.train.config import TrainConfig
+from wrenchflow.train.run import train_folder
+
+_OUTPUTS = ("raw", "clean", "dataset", "run", "run_without_force", "rollouts", "index.html")
+_SHOWN = 3  # Demonstrations, and successful rollouts, on the page.
+
+
+class _Options(TypedDict):
+    jobs: int
+    overwrite: bool
+
+
+class Watch(Protocol):
+    """How whoever calls wants to see a stage: takes its results as they come, and gives all of them."""
+
+    def __call__[T](self, stage: str, results: Iterator[T], total: int) -> list[T]:
+        """Exhaust `results`, of which there will be `total`."""
+        ...
+
+
+def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: int, overwrite: bool) -> dict[str, Any]:
+    """Run the whole chain into `out`.
+
+    Args:
+        out: Gets `raw clean dataset run run_without_force rollouts index.html`.
+        config: How much of everything.
+        watch: Shows progress.
+        jobs: Worker processes.
+        overwrite: Replace what is there.
+
+    Returns:
+        The figures that `--json` prints.
+
+    Raises:
+        OutputError: If `out` holds any of its outputs already.
+    """
+    there = [name for name in _OUTPUTS if (out / name).exists()]
+    if there and not overwrite:
+        raise OutputError(
+            f"output '{out}' holds {', '.join(there)} already. Choose another place, or pass --overwrite."
+        )
+    chain = _Chain(out, config, watch, jobs, overwrite)
+    demonstrations = chain.demonstrations()
+    training = chain.train()
+    arms = chain.arms()
+    result = summarise(arms["policy"])
+    kept = ("successes", "success_rate", "success_interval", "peak_force_n", "duration_s", "failures")
+    summary = {
+        "task": TASK,
+        "seed": config.seed,
+        **demonstrations,
+        "rollouts": result["attempts"],
+        **{key: result[key] for key in kept},
+        "force_limit_n": chain.deploy.force_limit_n,
+    }
+    for name in ("zeroed_force", "without_force", "blind_spiral"):
+        other = summarise(arms[name])
+        summary |= {f"{name}_{key}": other[key] for key in ("success_rate", "success_interval", "peak_force_n")}
+        summary[f"{name}_p_value"] = paired_p_value(arms["policy"], arms[name])
+    summary["seconds"] = chain.seconds
+    peaks_n = [verdict.peak_force_n for verdict in arms["policy"]]
+    page = {**summary, "training": training, "peak_forces_n": peaks_n, "versions": versions()}
+    chain.timed("page", lambda: _write_page(out, page, arms["policy"]))
+    return summary
+
+
+class _Chain:
+    """The stages, one after the other, each timed."""
+
+    def __init__(self, out: Path, config: QuickstartConfig, watch: Watch, jobs: int, overwrite: bool) -> None:
+        self.out, self.watch, self.jobs, self.overwrite = out, watch, jobs, overwrite
+        self.collect = CollectConfig(task=TASK, episodes=config.episodes, seed=config.seed)
+        self.train_config = TrainConfig(steps=config.train_steps, seed=config.seed, threads=jobs)
+        self.deploy = DeployConfig(task=TASK, episodes=config.rollouts, seed=config.seed)
+        self.seconds: dict[str, float] = {}
+
+    def timed[T](self, stage: str, work: Callable[[], T]) -> T:
+        """Do a piece of work and add its time to a stage's."""
+        start = time.perf_counter()
+        result = work()
+        self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - start, 1)
+        return result
+
+    def run[T](self, stage: str, results: Iterator[T], total: int, label: str = "") -> list[T]:
+        """Watch a stage to its end."""
+        return self.timed(stage, lambda: self.watch(label or stage, results, total))
+
+    def demonstrations(self) -> dict[str, Any]:
+        """Collect, process, export."""
+        raw, clean, dataset, n = self.out / "raw", self.out / "clean", self.out / "dataset", self.collect.episodes
+        both: _Options = {"jobs": self.jobs, "overwrite": self.overwrite}
+        done = self.run("collect", collect_folder(raw, self.collect, **both), n)
+        qualities = self.run("process", process_folder(raw, clean, ProcessConfig(), **both), n)
+        steps = 0
+        for format in ("robomimic", "lerobot"):
+            exporting = export_folder(format, clean, dataset, ExportConfig(), **both)
+            steps = sum(episode.steps for episode in self.run("export", exporting, n, f"export {format}"))
+        return {
+            "episodes": len(done),
+            "samples": sum(demonstration.samples for demonstration in done),
+            "steps": steps,
+            "demonstrations": {
+                "success_rate": sum(demonstration.outcome.success for demonstration in done) / len(done),
+                "peak_force_n": spread([quality.max_force for quality in qualities]),
+                "duration_s": spread([demonstration.outcome.duration_s for demonstration in done]),
+            },
+        }
+
+    def train(self) -> dict[str, list[Any]]:
+        """Train the policy, and the same one without force; returns the first one's curve."""
+        dataset, rows = (
+            self.out / "dataset" / "robomimic.hdf5",
+            -(-self.train_config.steps // self.train_config.metrics_every),
+        )
+        training = train_folder(dataset, self.out / "run", self.train_config, overwrite=self.overwrite)
+        metrics = [row.metrics for row in self.run("train", training, rows)]
+        without = replace(self.train_config, features="without_force")
+        training = train_folder(dataset, self.out / "run_without_force", without, overwrite=self.overwrite)
+        self.run("train without force", training, rows)
+        return {
+            "steps": [row.step for row in metrics],
+            "loss": [row.loss for row in metrics],
+            "validation_loss": [row.valid_loss for row in metrics],
+        }
+
+    def arms(self) -> dict[str, list[Verdict]]:
+        """Let the policy, the same without its sense of force, the one without force and the baseline try."""
+        out, config, n, jobs = self.out, self.deploy, self.deploy.episodes, self.jobs
+        deploying = deploy_folder(out / "run", out / "rollouts", config, jobs=jobs, overwrite=self.overwrite)
+        zeroed = evaluate(out / "run", replace(config, wrench_input="zeroed"), jobs=jobs)
+        without = evaluate(out / "run_without_force", config, jobs=jobs)
+        spiral = map_episodes(_Spiral(self.collect, config), range(n), jobs=jobs)
+        return {
+            "policy": self.run("deploy", deploying, n),
+            "zeroed_force": self.run("compare", zeroed, n, "compare: force zeroed"),
+            "without_force": self.run("compare", without, n, "compare: without force"),
+            "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
+        }
+
+
+@dataclass(frozen=True)
+class _Spiral:
+    """The baseline on the scene of one rollout; an object, so that it travels to a worker process."""
+
+    collect: CollectConfig
+    deploy: DeployConfig
+
+    def __call__(self, index: int) -> Verdict:
+        config = replace(self.collect, operator="blind-spiral", seed=self.deploy.seed, disturbance_m=0.0)
+        episode = demonstrate(index, config, scenes=EVALUATE)
+        limits = self.deploy
+        return judge(episode, force_limit_n=limits.force_limit_n, force_cutoff_hz=limits.force_cutoff_hz)
+
+
+def _write_page(out: Path, summary: dict[str, Any], verdicts: Sequence[Verdict]) -> None:
+    wanted = [verdict.id for verdict in verdicts if verdict.success][:_SHOWN]
+    wanted += [verdict.id for verdict in verdicts if not verdict.success][:1]
+    paths = sorted((out / "clean").glob("*.mcap"))[:_SHOWN]
+    demonstrations = [(read_episode(path), f"clean/{path.name}") for path in paths]
+    rollouts = []
+    for name in wanted:
+        episode = read_episode(out / "rollouts" / f"{name}.mcap")
+        rollouts.append((process_episode(episode, ProcessConfig())[0], f"rollouts/{name}.mcap"))
+    links = [
+        ("Raw recordings", "raw/"),
+        ("Clean recordings", "clean/"),
+        ("Quality report", "clean/report.html"),
+        ("robomimic data set", "dataset/robomimic.hdf5"),
+        ("LeRobot data set", "dataset/lerobot/"),
+        ("Trained policy", "run/"),
+        ("Rollouts", "rollouts/"),
+        ("Evaluation", "rollouts/evaluation.json"),
+    ]
+    partial = out / "index.html.partial"
+    partial.write_text(quickstart_page(summary, demonstrations, rollouts, links))
+    os.replace(partial, out / "index.html")

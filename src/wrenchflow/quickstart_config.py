@@ -1,0 +1,29 @@
+"""What a person may set about `quickstart`; loads nothing heavy, so that the command line can show it at once."""
+
+from dataclasses import dataclass
+
+from wrenchflow.errors import ConfigError
+
+TASK = "peg-insertion"
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuickstartConfig:
+    """How much of everything.
+
+    Attributes:
+        seed: Every random number comes from it.
+        episodes: Demonstrations.
+        train_steps: Updates of each of the two policies.
+        rollouts: Attempts of each policy and of the baseline, on the same scenes.
+    """
+
+    seed: int = 0
+    episodes: int = 240
+    train_steps: int = 12_000
+    rollouts: int = 200
+
+    def __post_init__(self) -> None:
+        for name, least in (("episodes", 2), ("train_steps", 1), ("rollouts", 1)):
+            if getattr(self, name) < least:
+                raise ConfigError(f"{name} is {getattr(self, name)}, expected at least {least}.")

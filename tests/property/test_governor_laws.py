@@ -1,0 +1,217 @@
+"""Whatever is asked and whatever is seen: torque, its change and the reference stay within their limits at every tick."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.controller import Controller
+from wrenchflow.control.governor import cap_norm, limit_stiffness
+from wrenchflow.control.records import FAULT_NONE
+from wrenchflow.rig import load_rig
+from wrenchflow.spatial import IDENTITY_POSE, exp_so3
+
+RIG = load_rig("panda_peg")
+TORQUE_MAX, STEP_MAX = np.array(RIG.robot.torque_nm), np.array(RIG.robot.torque_rate_nm_s) * 1e-3
+NOT_FINITE = st.sampled_from([np.nan, np.inf, -np.inf])
+
+requests = st.one_of(
+    st.just("keep"),
+    st.tuples(st.just("jump"), st.floats(-1e3, 1e3), st.floats(-10.0, 10.0), st.integers(1, 50)),
+    st.tuples(st.just("stiffness"), st.floats(0.0, 1e9), st.floats(0.0, 1e9)),
+    st.tuples(st.just("spoil request"), st.sampled_from(["x_start", "x_stop", "R_start", "turn", "K_lin"]), NOT_FINITE),
+    st.tuples(st.just("offset"), st.floats(-1.0, 1.0)),
+    st.tuples(st.just("move arm"), st.floats(-0.5, 0.5), st.floats(-4.0, 4.0)),
+    st.tuples(st.just("fast joints"), st.floats(-100.0, 100.0)),
+)
+states = st.tuples(
+    st.just("spoil state"), st.sampled_from(["q", "dq", "x", "R", "J", "M", "coriolis"]), st.integers(0, 48), NOT_FINITE
+)
+
+
+def started(seed: int, **config) -> Controller:
+    """A controller at a random arm's state: any inertia, any Jacobian."""
+    rng = np.random.default_rng(seed)
+    controller = Controller(RIG, ControlConfig(**config))
+    obs, root = controller.obs[0], rng.normal(size=(7, 7))
+    obs["q"], obs["x"], obs["R"] = rng.normal(size=7), [0.5, 0.0, 0.3], Rotation.random(rng=rng).as_matrix()
+    obs["J"], obs["M"], obs["coriolis"] = rng.normal(size=(6, 7)), root @ root.T + 0.1 * np.eye(7), rng.normal(size=7)
+    controller.start(Impedance())
+    return controller
+
+
+def act(controller: Controller, action, rng: np.random.Generator) -> None:
+    obs, req, kind = controller.obs[0], controller.req[0], action[0]
+    if kind == "jump":
+        stop = np.concatenate([rng.normal(size=3) * action[1], IDENTITY_POSE[3:]])
+        stop[3:] = Rotation.from_rotvec(rng.normal(size=3) * action[2]).as_quat(scalar_first=True)
+        controller.ask(controller.target_pose, stop, ticks=action[3], impedance=Impedance())
+    elif kind == "stiffness":
+        req["K_lin"], req["K_rot"] = np.eye(3) * action[1], np.eye(3) * action[2]
+    elif kind == "spoil request":
+        req[action[1]].flat[int(rng.integers(3))] = action[2]
+    elif kind == "offset":
+        req["x_offset"] = action[1]
+    elif kind == "move arm":
+        obs["x"] += rng.normal(size=3) * action[1]
+        obs["R"] = exp_so3(rng.normal(size=3) * action[2]) @ obs["R"]
+    elif kind == "fast joints":
+        obs["dq"] = rng.normal(size=7) * action[1]
+    elif kind == "spoil state":
+        obs[action[1]].flat[action[2] % obs[action[1]].size] = action[3]
+
+
+def assert_within_limits(controller: Controller, before: np.ndarray) -> None:
+    tau = controller.ctl[0]["tau"]
+    assert np.isfinite(tau).all()
+    assert (np.abs(tau) <= TORQUE_MAX).all()
+    assert (np.abs(tau - before) <= STEP_MAX * (1.0 + 1e-12)).all()
+
+
+def assert_leashed(controller: Controller, config: ControlConfig) -> None:
+    ctl, obs = controller.ctl[0], controller.obs[0]
+    K_lin, K_rot = np.abs(ctl["K_lin"]).sum(1), np.abs(ctl["K_rot"]).sum(1).max()
+    assert (K_lin * np.abs(ctl["x_d"] - obs["x"]) <= config.force_max_n * (1.0 + 1e-9)).all()
+    angle = (Rotation.from_matrix(ctl["R_d"]) * Rotation.from_matrix(obs["R"]).inv()).magnitude()
+    assert K_rot * min(angle, np.pi - 1e-9) <= config.moment_max_nm * (1.0 + 1e-6) + 1e-6 * K_rot
+    np.testing.assert_allclose(ctl["R_d"] @ ctl["R_d"].T, np.eye(3), atol=1e-9)
+
+
+@given(seed=st.integers(0, 2**32 - 1), actions=st.lists(requests, max_size=30))
+def test_no_request_moves_torque_or_reference_past_its_limits(seed, actions):
+    config, rng = ControlConfig(ramp_s=0.01), np.random.default_rng(seed)
+    controller = started(seed, ramp_s=0.01)
+    for action in actions:
+        act(controller, action, rng)
+        for _ in range(4):
+            before = controller.ctl[0]["tau"].copy()
+            controller.tick()
+            assert_within_limits(controller, before)
+            if controller.ctl[0]["fault"] == FAULT_NONE:
+                assert_leashed(controller, config)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    before=st.lists(requests, max_size=8),
+    spoiled=states,
+    after=st.lists(st.one_of(requests, states), max_size=8),
+)
+def test_a_state_that_is_not_finite_latches_and_torque_falls_to_zero_at_the_rate_limit(seed, before, spoiled, after):
+    rng, controller = np.random.default_rng(seed), started(seed, ramp_s=0.01)
+    healthy = controller.obs.copy()
+    for action in before:
+        act(controller, action, rng)
+        for _ in range(10):
+            controller.tick()
+    act(controller, spoiled, rng)
+    step = controller.ctl[0]["tau_step_max"]
+    last = controller.ctl[0]["tau"].copy()
+    for k in range(200):
+        if k < len(after):
+            act(controller, after[k], rng)
+        if k == 20:  # A state that becomes finite again does not unlatch.
+            controller.obs[:] = healthy
+        tau = controller.tick()
+        np.testing.assert_allclose(tau, np.sign(last) * np.maximum(np.abs(last) - step, 0.0), atol=1e-12)
+        last = tau.copy()
+        assert controller.fault == "the robot's state was not finite"
+    assert (last == 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["x_start", "x_stop", "R_start", "turn", "K_lin", "K_rot", "damping_ratio", "x_offset"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_request_that_is_not_finite_is_counted_and_not_followed(name, value):
+    controller, other = started(0), started(0)
+    for k in range(30):
+        if k == 10:
+            kept = controller.req.copy()
+            spoiled = np.array(controller.req[0][name])
+            spoiled.flat[-1] = value
+            controller.req[0][name] = spoiled
+        if k == 20:
+            controller.req[:] = kept
+        assert controller.tick().tobytes() == other.tick().tobytes()
+        assert controller.target_pose.tobytes() == other.target_pose.tobytes()
+    assert controller.ctl[0]["rejected"] == 10
+    assert controller.fault == "none"
+
+
+def test_a_rotation_that_is_none_is_not_followed_either():
+    controller = started(0)
+    controller.req[0]["R_start"] *= 1.001
+    controller.tick()
+    assert controller.ctl[0]["rejected"] == 1
+
+
+def test_a_law_that_gives_no_finite_torque_latches():
+    controller = started(0)
+    controller.obs[0]["J"] *= 1e200
+    controller.obs[0]["dq"] = 1e200
+    controller.tick()
+    assert controller.fault == "the torque was not finite"
+    assert (controller.ctl[0]["tau"] == 0.0).all()
+    controller.obs[0]["J"], controller.obs[0]["dq"] = 0.0, 0.0
+    controller.tick()
+    assert controller.fault == "the torque was not finite"
+
+
+@given(seed=st.integers(0, 2**32 - 1), far=st.floats(0.01, 100.0), turn=st.floats(0.1, 3.0))
+def test_the_voluntary_step_of_the_reference_keeps_its_speed(seed, far, turn):
+    rng, controller = np.random.default_rng(seed), started(seed)
+    x, R = controller.ctl[0]["x_d"].copy(), Rotation.from_matrix(controller.ctl[0]["R_d"])
+    act(controller, ("jump", far, turn, 1), rng)
+    for _ in range(50):
+        controller.tick()
+        x_d, R_d = controller.ctl[0]["x_d"], Rotation.from_matrix(controller.ctl[0]["R_d"])
+        assert np.linalg.norm(x_d - x) <= 0.25e-3 * (1.0 + 1e-9)
+        assert (R_d * R.inv()).magnitude() <= 1e-3 * (1.0 + 1e-6)
+        x, R = x_d.copy(), R_d
+
+
+@given(seed=st.integers(0, 2**32 - 1), jump=st.floats(0.0, 100.0))
+def test_the_reference_never_leaves_the_workspace_but_for_an_arm_that_is_outside(seed, jump):
+    rng, controller = np.random.default_rng(seed), started(seed)
+    act(controller, ("jump", jump, 0.0, 1), rng)
+    for _ in range(400):
+        controller.obs[0]["x"] = controller.ctl[0]["x_d"]  # An arm that follows at once.
+        controller.tick()
+    x_d = controller.ctl[0]["x_d"]
+    assert (x_d >= np.array(RIG.workspace.min_m) - 1e-12).all()
+    assert (x_d <= np.array(RIG.workspace.max_m) + 1e-12).all()
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_start_is_without_a_bump(seed):
+    controller = started(seed)
+    controller.obs[0]["coriolis"] = 0.0
+    ctl, obs = controller.ctl[0], controller.obs[0]
+    np.testing.assert_array_equal(ctl["x_d"], obs["x"])
+    np.testing.assert_array_equal(ctl["R_d"], obs["R"])
+    np.testing.assert_allclose(controller.tick(), 0.0, atol=1e-9)
+    for _ in range(20):
+        np.testing.assert_allclose(controller.tick(), 0.0, atol=1e-9)
+
+
+@given(seed=st.integers(0, 2**32 - 1), cap=st.floats(0.1, 10.0))
+def test_a_limited_value_limited_twice_is_itself(seed, cap):
+    rng = np.random.default_rng(seed)
+    vector = rng.normal(size=6) * 10.0
+    once = vector.copy()
+    cap_norm(once, 3, cap)
+    assert np.linalg.norm(once[3:]) <= cap * (1.0 + 1e-12)
+    np.testing.assert_array_equal(once[:3], vector[:3])
+    np.testing.assert_allclose(np.cross(once[3:], vector[3:]), 0.0, atol=1e-9)
+    twice = once.copy()
+    cap_norm(twice, 3, cap)
+    np.testing.assert_allclose(twice, once, rtol=1e-12)
+    K, out, again = rng.normal(size=(3, 3)) * 100.0, np.empty((3, 3)), np.empty((3, 3))
+    limit_stiffness(K, cap, out)
+    limit_stiffness(out, cap, again)
+    assert np.abs(out).sum(1).max() <= cap * (1.0 + 1e-12)
+    np.testing.assert_allclose(again, out, rtol=1e-12)
+    np.testing.assert_allclose(out * np.abs(K).sum(1).max(), K * np.abs(out).sum(1).max(), rtol=1e-9)
+    limit_stiffness(out, 2.0 * cap, again)
+    np.testing.assert_array_equal(again, out)

@@ -1,0 +1,54 @@
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchflow.config import to_mapping
+from wrenchflow.errors import ConfigError
+from wrenchflow.rig import load_rig, rig_of
+
+
+def test_the_built_in_rig_has_the_published_limits():
+    robot = load_rig("panda_peg").robot
+    assert robot.position_min_rad == (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
+    assert robot.position_max_rad == (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
+    assert robot.torque_nm == (87.0,) * 4 + (12.0,) * 3
+    assert robot.torque_rate_nm_s == (1000.0,) * 7
+    assert robot.velocity_rad_s == (2.175,) * 4 + (2.61,) * 3
+
+
+def test_poses_of_the_rig_are_poses():
+    rig = load_rig("panda_peg")
+    for pose in (rig.T_flange_tcp, rig.sensor.T_flange_sensor):
+        assert np.linalg.norm(pose[3:]) == pytest.approx(1.0, abs=1e-12)
+    assert all(low < high for low, high in zip(rig.workspace.min_m, rig.workspace.max_m, strict=True))
+    np.testing.assert_array_equal(rig.sensor.noise, [0.2] * 3 + [0.007] * 3)
+    np.testing.assert_array_equal(rig.sensor.range, [200.0] * 3 + [10.0] * 3)
+
+
+def test_a_recording_carries_its_rig():
+    rig = load_rig("panda_peg")
+    assert rig_of({"rig": to_mapping(rig)}, "0001.mcap") == rig
+    with pytest.raises(ConfigError, match=r"^0001.mcap carries no rig"):
+        rig_of({}, "0001.mcap")
+
+
+def test_a_rig_of_ones_own_is_a_toml_file(tmp_path: Path):
+    text = (resources.files("wrenchflow") / "panda_peg.toml").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace("mass_kg = 0.45", "mass_kg = 0.6"))
+    assert load_rig(str(path)).payload.mass_kg == 0.6
+    path.write_text(text.replace("mass_kg", "mas_kg"))
+    with pytest.raises(ConfigError, match="Did you mean 'mass_kg'"):
+        load_rig(str(path))
+    path.write_text(text.replace("torque_nm = [87.0, ", "torque_nm = ["))
+    with pytest.raises(ConfigError, match=r"^robot.torque_nm has 6 values; position_min_rad has 7\.$"):
+        load_rig(str(path))
+
+
+def test_a_rig_that_does_not_exist_is_refused_with_the_nearest_one(tmp_path: Path):
+    with pytest.raises(ConfigError, match=r"^unknown rig 'panda_pegg'\. Did you mean 'panda_peg'\?"):
+        load_rig("panda_pegg")
+    with pytest.raises(ConfigError, match="does not exist"):
+        load_rig(str(tmp_path / "none.toml"))
