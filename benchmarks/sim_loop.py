@@ -96,9 +96,9 @@ def measure(name: str, side: Callable[[Plant, Controller, int], None], pressed: 
         if block >= 2:
             ours.append(took[0])
             theirs.append(took[1])
-        if data.ncon != plant.data.ncon and not pressed:
+        if not bool(data.ncon) == bool(plant.data.ncon) == pressed:
             raise SystemExit("the two sides did not step through the same contacts.")
-    place = f"pressed with {-controller_force(plant):.1f} N, {plant.data.ncon} contacts" if pressed else "free space"
+    place = f"pressed with {pressing_force_n(plant):.1f} N, {plant.data.ncon} contacts" if pressed else "free space"
     for clock in CLOCKS:
         ratio = sorted(b[clock] / a[clock] for a, b in zip(ours, theirs, strict=True))
         us = [median(t[clock] for t in times) / BLOCK_TICKS * 1e6 for times in (ours, theirs)]
@@ -108,13 +108,13 @@ def measure(name: str, side: Callable[[Plant, Controller, int], None], pressed: 
         )
 
 
-def controller_force(plant: Plant) -> float:
-    """Vertical force on the environment that the joints feel, as the sum of the contacts gives it [N]."""
+def pressing_force_n(plant: Plant) -> float:
+    """Vertical force between peg and block, the sum over the contacts [N]."""
     force, total = np.zeros(6), 0.0
     for i in range(plant.data.ncon):
         mujoco.mj_contactForce(plant.model, plant.data, i, force)
-        total += abs(plant.data.contact[i].frame[2]) * force[0]
-    return -total
+        total += (plant.data.contact[i].frame.reshape(3, 3).T @ force[:3])[2]
+    return abs(total)
 
 
 def measure_writing() -> None:

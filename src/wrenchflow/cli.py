@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import tyro
 from tqdm import tqdm
-from tyro.conf import OmitArgPrefixes, Positional, arg
+from tyro.conf import Positional, arg
 
 from wrenchflow import __version__
 from wrenchflow.collect.config import CollectConfig
@@ -27,6 +27,8 @@ EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
 Jobs = Annotated[int, arg(help="Worker processes.")]
 Json = Annotated[bool, arg(help="Print one JSON object instead of text.")]
+# A config's own fields are flags without a prefix, `--steps`; what is nested in it keeps one, `--policy.mlp.width`.
+_UNPREFIXED = arg(name="")
 
 
 def watch[T](stage: str, results: Iterator[T], total: int) -> list[T]:
@@ -54,7 +56,7 @@ class Quickstart(_Command):
     """Everything once on peg insertion: demonstrate, process, export, train, deploy, compare; ends in index.html."""
 
     out: Positional[Path]
-    config: OmitArgPrefixes[QuickstartConfig] = field(default_factory=QuickstartConfig)
+    config: Annotated[QuickstartConfig, _UNPREFIXED] = field(default_factory=QuickstartConfig)
     jobs: Jobs = 2
     overwrite: Overwrite = False
 
@@ -75,7 +77,7 @@ class Collect(_Command):
     """Record demonstrations of a task to OUT/<id>.mcap."""
 
     out: Positional[Path]
-    config: OmitArgPrefixes[CollectConfig] = field(default_factory=CollectConfig)
+    config: Annotated[CollectConfig, _UNPREFIXED] = field(default_factory=CollectConfig)
     jobs: Jobs = 2
     overwrite: Overwrite = False
 
@@ -99,7 +101,7 @@ class Process(_Command):
 
     raw: Positional[Path]
     out: Positional[Path]
-    config: OmitArgPrefixes[ProcessConfig] = field(default_factory=ProcessConfig)
+    config: Annotated[ProcessConfig, _UNPREFIXED] = field(default_factory=ProcessConfig)
     jobs: Jobs = 2
     overwrite: Overwrite = False
 
@@ -124,7 +126,7 @@ class Export(_Command):
     format: Positional[str]
     clean: Positional[Path]
     out: Positional[Path]
-    config: OmitArgPrefixes[ExportConfig] = field(default_factory=ExportConfig)
+    config: Annotated[ExportConfig, _UNPREFIXED] = field(default_factory=ExportConfig)
     jobs: Jobs = 2
     overwrite: Overwrite = False
 
@@ -150,7 +152,7 @@ class Train(_Command):
 
     dataset: Positional[Path]
     out: Positional[Path]
-    config: OmitArgPrefixes[TrainConfig] = field(default_factory=TrainConfig)
+    config: Annotated[TrainConfig, _UNPREFIXED] = field(default_factory=TrainConfig)
     overwrite: Overwrite = False
 
     def run(self) -> dict[str, Any]:
@@ -180,7 +182,7 @@ class Deploy(_Command):
 
     policy: Annotated[Positional[Path], arg(name="run")]
     out: Positional[Path]
-    config: OmitArgPrefixes[DeployConfig] = field(default_factory=DeployConfig)
+    config: Annotated[DeployConfig, _UNPREFIXED] = field(default_factory=DeployConfig)
     jobs: Jobs = 2
     overwrite: Overwrite = False
 
@@ -188,9 +190,12 @@ class Deploy(_Command):
         """Do it."""
         from wrenchflow.deploy.evaluation import summarise
         from wrenchflow.deploy.run import deploy_folder
+        from wrenchflow.present import write_evaluation_page
 
         deploying = deploy_folder(self.policy, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
-        return summarise(watch("deploy", deploying, self.config.episodes)) | {"out": str(self.out)}
+        verdicts = watch("deploy", deploying, self.config.episodes)
+        write_evaluation_page(self.out, self.config.task, verdicts, self.config.force_limit_n)
+        return summarise(verdicts) | {"out": str(self.out), "page": str(self.out / "evaluation.html")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,6 +237,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("wrenchflow: interrupted.", file=sys.stderr)
         return EXIT_INTERRUPTED
+    except SystemExit as stop:  # tyro leaves so: after its help, or with its own word on a usage error.
+        return EXIT_USAGE if stop.code else EXIT_DONE
     print(json.dumps(result) if command.json else "\n".join(command.text(result)))
     return EXIT_DONE
 

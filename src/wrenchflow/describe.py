@@ -8,6 +8,8 @@ from wrenchflow.errors import RecordingError
 
 KINDS = "a recording (.mcap), a data set (robomimic .hdf5 or LeRobot folder), or a folder that a stage wrote"
 
+_EXPORTED = ".manifest.json"  # `export` leaves one a format, for a folder may hold several.
+
 
 def describe(path: Path) -> dict[str, Any]:
     """Plain figures of a recording, a data set, or a folder that a stage wrote.
@@ -24,6 +26,9 @@ def describe(path: Path) -> dict[str, Any]:
         return _dataset(path)
     if (path / "manifest.json").exists():
         return _folder(path)
+    exported = [file.name.removesuffix(_EXPORTED) for file in sorted(path.glob("*" + _EXPORTED))]
+    if exported:
+        return {**_dataset(path), "format": ", ".join(exported)}
     raise RecordingError(f"'{path}' is of no kind that is known here. Expected {KINDS}.")
 
 

@@ -6,6 +6,7 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
 
 
 def _prepare_worker() -> None:
@@ -28,22 +29,47 @@ def map_episodes[T, R](
         executor: Any `concurrent.futures.Executor`, such as a Dask client's, used in place of local processes.
 
     Raises:
-        Whatever `function` raises; what has not started is cancelled then.
+        Whatever `function` raises. What has not started is cancelled then, and local processes are ended.
     """
     if executor is not None:
-        yield from _submit_all(function, items, executor)
+        yield from _in_order(_submit_all(function, items, executor))
         return
     if jobs <= 1:
         yield from map(function, items)
         return
     # Spawned, not forked: numeric libraries' threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_prepare_worker) as pool:
-        yield from _submit_all(function, items, pool)
+        try:
+            with _interrupts_held():
+                futures = _submit_all(function, items, pool)
+            yield from _in_order(futures)
+        except BaseException:
+            # An error, Ctrl-C, or nobody wants more: what is running would be thrown away, and may take minutes.
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.terminate()
+            raise
 
 
-def _submit_all[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor) -> Iterator[R]:
-    futures: deque[Future[R]] = deque(executor.submit(function, item) for item in items)
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait: workers that start meanwhile never see it, not even before they can say that they ignore it."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows.
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _submit_all[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor) -> deque[Future[R]]:
+    return deque(executor.submit(function, item) for item in items)
+
+
+def _in_order[R](futures: deque[Future[R]]) -> Iterator[R]:
     try:
         while futures:
             yield futures.popleft().result()

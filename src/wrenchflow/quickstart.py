@@ -3,7 +3,6 @@
 It stands above the rooms, beside the command line, and is imported by nothing but it.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,17 +19,15 @@ from wrenchflow.deploy.run import deploy_folder, evaluate
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import OutputError
 from wrenchflow.manifest import versions
-from wrenchflow.pages.quickstart import quickstart_page
+from wrenchflow.present import write_evaluation_page, write_quickstart_page
 from wrenchflow.process.config import ProcessConfig
-from wrenchflow.process.pipeline import process_episode, process_folder
+from wrenchflow.process.pipeline import process_folder
 from wrenchflow.quickstart_config import TASK, QuickstartConfig
-from wrenchflow.recording.reader import read_episode
 from wrenchflow.sim.attempt import EVALUATE
 from wrenchflow.train.config import TrainConfig
 from wrenchflow.train.run import train_folder
 
 _OUTPUTS = ("raw", "clean", "dataset", "run", "run_without_force", "rollouts", "index.html")
-_SHOWN = 3  # Demonstrations, and successful rollouts, on the page.
 
 
 class _Options(TypedDict):
@@ -88,7 +85,7 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
     summary["seconds"] = chain.seconds
     peaks_n = [verdict.peak_force_n for verdict in arms["policy"]]
     page = {**summary, "training": training, "peak_forces_n": peaks_n, "versions": versions()}
-    chain.timed("page", lambda: _write_page(out, page, arms["policy"]))
+    chain.timed("page", lambda: _write_pages(out, page, arms["policy"]))
     return summary
 
 
@@ -180,25 +177,6 @@ class _Spiral:
         return judge(episode, force_limit_n=limits.force_limit_n, force_cutoff_hz=limits.force_cutoff_hz)
 
 
-def _write_page(out: Path, summary: dict[str, Any], verdicts: Sequence[Verdict]) -> None:
-    wanted = [verdict.id for verdict in verdicts if verdict.success][:_SHOWN]
-    wanted += [verdict.id for verdict in verdicts if not verdict.success][:1]
-    paths = sorted((out / "clean").glob("*.mcap"))[:_SHOWN]
-    demonstrations = [(read_episode(path), f"clean/{path.name}") for path in paths]
-    rollouts = []
-    for name in wanted:
-        episode = read_episode(out / "rollouts" / f"{name}.mcap")
-        rollouts.append((process_episode(episode, ProcessConfig())[0], f"rollouts/{name}.mcap"))
-    links = [
-        ("Raw recordings", "raw/"),
-        ("Clean recordings", "clean/"),
-        ("Quality report", "clean/report.html"),
-        ("robomimic data set", "dataset/robomimic.hdf5"),
-        ("LeRobot data set", "dataset/lerobot/"),
-        ("Trained policy", "run/"),
-        ("Rollouts", "rollouts/"),
-        ("Evaluation", "rollouts/evaluation.json"),
-    ]
-    partial = out / "index.html.partial"
-    partial.write_text(quickstart_page(summary, demonstrations, rollouts, links))
-    os.replace(partial, out / "index.html")
+def _write_pages(out: Path, summary: dict[str, Any], verdicts: Sequence[Verdict]) -> None:
+    write_evaluation_page(out / "rollouts", summary["task"], verdicts, summary["force_limit_n"])
+    write_quickstart_page(out, summary, verdicts)

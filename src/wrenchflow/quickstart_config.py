@@ -19,8 +19,8 @@ class QuickstartConfig:
     """
 
     seed: int = 0
-    episodes: int = 240
-    train_steps: int = 12_000
+    episodes: int = 200
+    train_steps: int = 6_000
     rollouts: int = 200
 
     def __post_init__(self) -> None:

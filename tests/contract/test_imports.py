@@ -12,7 +12,7 @@ import wrenchflow
 
 PACKAGE = Path(wrenchflow.__file__).parent
 
-# A room: the rooms that it may import from, besides itself. `base` is every single file but cli.
+# A room: the rooms that it may import from, besides itself. `base` is every single file but the command line's.
 MAY_IMPORT = {
     "base": set(),
     "recording": {"base"},
@@ -27,6 +27,7 @@ MAY_IMPORT = {
     "deploy": {"base", "recording", "control", "sim", "policy", "process"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
+COMMAND_LINE = {"cli", "__main__", "describe", "quickstart", "quickstart_config", "present"}
 # A package that is heavy, or not everywhere: the rooms that may import it.
 ONLY_IN = {
     "mujoco": {"sim"},
@@ -49,7 +50,7 @@ def room_of(module: str) -> str:
     parts = module.split(".")
     if len(parts) > 1 and parts[1] in MAY_IMPORT:
         return parts[1]
-    return "cli" if parts[1:] == ["__main__"] else "base"
+    return "cli" if len(parts) > 1 and parts[1] in COMMAND_LINE else "base"
 
 
 def imported(module: str, source: str, modules: set[str]) -> Iterator[str]:
@@ -104,14 +105,15 @@ def test_every_room_is_in_the_table():
         ("wrenchflow.spatial", "import wrenchflow.control.robot", "wrenchflow.control.robot"),
         ("wrenchflow.train.new", "from wrenchflow.deploy import not_there", "wrenchflow.deploy"),
         ("wrenchflow.deploy.new", "if True:\n    from wrenchflow import cli", "wrenchflow.cli"),
+        ("wrenchflow.deploy.new", "from wrenchflow.quickstart import nothing", "wrenchflow.quickstart"),
         ("wrenchflow.sim.new", "from wrenchflow.process.live import LiveWrench", "wrenchflow.process.live"),
         ("wrenchflow.datasets.new", "import safetensors.numpy", "safetensors.numpy"),
         ("wrenchflow.sim", "from ..recording import writer", "wrenchflow.recording.writer"),
     ],
 )
 def test_a_planted_violation_is_found(module, source, name):
-    room = room_of(module)
-    assert violations({**sources(), module: source}) == [f"{module} ({room}) imports {name}"]
+    found = violations({**sources(), module: source})
+    assert [line for line in found if line.startswith(f"{module} ")] == [f"{module} ({room_of(module)}) imports {name}"]
 
 
 @pytest.mark.parametrize(
@@ -124,7 +126,8 @@ def test_a_planted_violation_is_found(module, source, name):
     ],
 )
 def test_what_is_allowed_is_not_found(module, source):
-    assert violations({**sources(), module: source}) == []
+    found = violations({**sources(), module: source})
+    assert [line for line in found if line.startswith(f"{module} ")] == []
 
 
 def named_like_the_standard_library(modules: dict[str, str]) -> list[str]:

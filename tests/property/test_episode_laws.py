@@ -118,7 +118,9 @@ def test_an_episode_never_changes_and_gives_a_new_one():
 
 
 def test_an_episode_travels_through_pickle():
-    episode = Episode("0001", "peg", {"wrench": stream(np.arange(3, dtype=np.int64))}, (Event(0, 1, "phase"),), {"a": 1})
+    episode = Episode(
+        "0001", "peg", {"wrench": stream(np.arange(3, dtype=np.int64))}, (Event(0, 1, "phase"),), {"a": 1}
+    )
     assert pickle.loads(pickle.dumps(episode)) == episode
 
 

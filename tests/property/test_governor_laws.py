@@ -1,4 +1,4 @@
-"""Whatever is asked and whatever is seen: torque, its change and the reference stay within their limits at every tick."""
+"""Whatever is asked and whatever is seen: torque, its change and the reference keep their limits at every tick."""
 
 import numpy as np
 import pytest
@@ -121,7 +121,9 @@ def test_a_state_that_is_not_finite_latches_and_torque_falls_to_zero_at_the_rate
     assert (last == 0.0).all()
 
 
-@pytest.mark.parametrize("name", ["x_start", "x_stop", "R_start", "turn", "K_lin", "K_rot", "damping_ratio", "x_offset"])
+@pytest.mark.parametrize(
+    "name", ["x_start", "x_stop", "R_start", "turn", "K_lin", "K_rot", "damping_ratio", "x_offset"]
+)
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_request_that_is_not_finite_is_counted_and_not_followed(name, value):
     controller, other = started(0), started(0)

@@ -36,8 +36,6 @@ def assert_same_pose(actual: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(rotation_of(actual[..., 3:]), rotation_of(expected[..., 3:]), atol=1e-12)
 
 
-
-
 @given(seed=seeds)
 def test_poses_are_a_group(seed):
     a, b, c = random_poses(np.random.default_rng(seed), 3)

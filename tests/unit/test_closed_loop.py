@@ -83,7 +83,7 @@ def test_the_start_moves_nothing(peg_plant, perfect, quiet_rig):
 
 
 def test_a_target_that_jumps_is_followed_within_every_limit(peg_plant, rig):
-    plant, controller, scene = peg_plant(3)
+    plant, controller, _scene = peg_plant(3)
     rng = np.random.default_rng(0)
     for _ in range(40):
         wild = controller.target_pose

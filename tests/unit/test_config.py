@@ -60,7 +60,10 @@ def test_plain_values_become_the_dataclass_and_come_back():
             {"name": "a", "filter": {"cutof_hz": 1.0}},
             "config.filter: unknown key 'cutof_hz'. Did you mean 'cutoff_hz'? Available: cutoff_hz, order.",
         ),
-        ({}, "config: key 'name' is missing. Expected: name, filter, kind, limits_n, corner_m, weights, folder, strict."),
+        (
+            {},
+            "config: key 'name' is missing. Expected: name, filter, kind, limits_n, corner_m, weights, folder, strict.",
+        ),
         ({"name": 3}, "config.name: expected str, got 3."),
         ({"name": "a", "filter": 3}, "config.filter: expected a table of Filter, got 3."),
         ({"name": "a", "filter": {"order": 1.5}}, "config.filter.order: expected int, got 1.5."),

@@ -172,7 +172,7 @@ def test_without_the_compiler_every_bit_of_the_controllers_state_is_the_same(peg
 def test_a_batch_of_controllers_is_as_many_single_ones(peg_plant, rig):
     from wrenchflow.control import impedance as law
 
-    seen, became = recorded_observations(peg_plant, 3)
+    seen, _became = recorded_observations(peg_plant, 3)
     single = Controller(rig, ControlConfig())
     single.obs[0] = seen[0]
     single.start(Impedance())

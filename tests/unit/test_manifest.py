@@ -24,9 +24,14 @@ def test_a_folder_is_partial_until_it_is_whole(tmp_path: Path):
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_what_goes_wrong_leaves_only_the_partial_folder(tmp_path: Path, error: type[BaseException]):
     out = tmp_path / "out"
-    with pytest.raises(error), output_folder(out) as folder:
-        (folder / "a.txt").write_text("1")
-        raise error
+
+    def write() -> None:
+        with output_folder(out) as folder:
+            (folder / "a.txt").write_text("1")
+            raise error
+
+    with pytest.raises(error):
+        write()
     assert names(tmp_path) == ["out.partial", "out.partial/a.txt"]
     with output_folder(out) as folder:  # The next attempt starts afresh.
         (folder / "b.txt").write_text("2")

@@ -148,6 +148,16 @@ def test_the_model_has_the_limits_of_the_rig(peg_model, rig):
     assert peg_model.opt.timestep == 0.001
 
 
+def test_a_joint_that_spins_alone_is_slowed_by_what_friction_compensation_leaves(peg_model, rig):
+    # 0.1 N.m.s/rad on each joint, whatever the posture: power lost is that times the speeds squared.
+    for q in postures(rig, 3):
+        dq = np.random.default_rng(2).normal(size=7)
+        np.testing.assert_allclose(
+            forward(peg_model, q, dq).qfrc_passive - gravity_torque(q, rig), -0.1 * dq, atol=1e-9
+        )
+    assert (peg_model.dof_frictionloss == 0.0).all()
+
+
 def test_a_joint_stops_at_its_limit_and_a_motor_at_its_torque(peg_model, rig):
     data = forward(peg_model, np.array([0, -0.8, 0, -2.4, 0, 1.6, 0.8]))
     data.ctrl[:] = [0, 0, 0, 0, 0, 0, 1000.0]

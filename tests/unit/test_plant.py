@@ -33,7 +33,7 @@ def by_protocol(plant, controller, ticks: int) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_zero_command_keeps_an_arm_at_rest_where_it_is(peg_plant, seed):
-    plant, controller, scene = peg_plant(seed)
+    plant, controller, _scene = peg_plant(seed)
     start = plant.data.qpos.copy()
     for _ in range(1000):
         plant.read(controller.obs)

@@ -52,7 +52,7 @@ def sensor_axes(data) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(8))
 def test_a_hanging_tool_reads_its_weight_and_its_moment(peg_plant, free_model, perfect, quiet_rig, seed):
     q = anywhere(quiet_rig, seed)
-    plant, controller, _ = peg_plant(model=free_model, measurement=perfect, with_rig=quiet_rig, q_rad=q)
+    plant, _controller, _ = peg_plant(model=free_model, measurement=perfect, with_rig=quiet_rig, q_rad=q)
     obs = np.zeros(1, OBS)
     plant.read(obs)
     force = sensor_axes(plant.data).T @ [0.0, 0.0, WEIGHT_N]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from wrenchflow.collect.operator import Perception
+from wrenchflow.collect.operators import Perception
 from wrenchflow.spatial import log_so3, rotation_of
 
 

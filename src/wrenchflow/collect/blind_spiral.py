@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wrenchflow.collect.approach import Approach
-from wrenchflow.collect.operator import Perception
+from wrenchflow.collect.operators import Perception
 from wrenchflow.collect.peg_by_feel import insert
 from wrenchflow.control.config import Impedance
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wrenchflow.collect.approach import Approach, spiral_direction
-from wrenchflow.collect.operator import Perception
+from wrenchflow.collect.operators import Perception
 from wrenchflow.control.config import Impedance
 
 

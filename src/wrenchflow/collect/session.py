@@ -12,7 +12,7 @@ from wrenchflow import signals
 from wrenchflow.collect.blind_spiral import BlindSpiral
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.emulated_spacemouse import EmulatedSpaceMouse
-from wrenchflow.collect.operator import Operator, Perception
+from wrenchflow.collect.operators import Operator, Perception
 from wrenchflow.collect.peg_by_feel import PegByFeel
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S

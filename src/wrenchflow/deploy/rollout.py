@@ -70,13 +70,15 @@ class Rollout:
         padded = [self.seen[0]] * (n - len(self.seen)) + self.seen[-n:]
         return np.stack(padded)
 
-    def follow(self, poses: Float[np.ndarray, "n 7"], latency_ns: int) -> None:
-        """Take the policy's plan for this step, and let the arm follow until the next step or the end."""
-        period_ns = self._policy.period_ns
-        t = self._t_ns + period_ns * np.arange(1, len(poses) + 1)
+    def plan(self, poses: Float[np.ndarray, "n 7"], latency_ns: int) -> None:
+        """Send off the policy's plan for this step; it arrives `latency_ns` after its observation did."""
+        t = self._t_ns + self._policy.period_ns * np.arange(1, len(poses) + 1)
         arrival_ns = self._t_ns + _MEASURE_TICKS * TICK_NS + latency_ns
         self._arriving.append((arrival_ns, Plan(t_obs_ns=self._t_ns, t=t, poses=poses)))
-        self._t_ns += period_ns
+
+    def follow(self) -> None:
+        """Let the arm follow what has arrived, until the next step or the end."""
+        self._t_ns += self._policy.period_ns
         while not self.over and (left := (self._t_ns - self._now_ns) // TICK_NS) > 0:
             self._run(min(_SLICE_TICKS, left))
 
@@ -128,12 +130,17 @@ def roll_out(
         for index in indices
     ]
     latency_ns = round(config.latency_s * 1e9)
+    step = 0
     while running := [rollout for rollout in rollouts if not rollout.over]:
         observations = np.stack([rollout.look() for rollout in running])
-        goals = np.stack([rollout.goal_pose for rollout in running])
-        plans = policy.act(observations, goals, [rollout.attempt.rng for rollout in running])
-        for rollout, poses in zip(running, plans, strict=True):
-            rollout.follow(poses, latency_ns)
+        if step % policy.n_action_steps == 0:
+            goals = np.stack([rollout.goal_pose for rollout in running])
+            plans = policy.act(observations, goals, [rollout.attempt.rng for rollout in running])
+            for rollout, poses in zip(running, plans, strict=True):
+                rollout.plan(poses, latency_ns)
+        for rollout in running:
+            rollout.follow()
+        step += 1
     return [
         rollout.episode(episode_id(f"rollout-{config.task}", config.seed, index), deploy=to_mapping(config))
         for index, rollout in zip(indices, rollouts, strict=True)

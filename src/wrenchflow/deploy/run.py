@@ -51,7 +51,9 @@ class _Batch:
             )
             verdicts.append(verdict)
             if self.folder is not None:
-                write_episode(self.folder / f"{episode.id}.mcap", episode.with_meta(verdict=to_mapping(verdict)))
+                # Who pressed too hard did not succeed, whatever the task says.
+                result = {**episode.meta["result"], **to_mapping(verdict)}
+                write_episode(self.folder / f"{episode.id}.mcap", episode.with_meta(result=result))
         return verdicts
 
 

@@ -197,7 +197,7 @@ def _draw_lanes(figure: Figure, episode: Episode, lanes: Sequence[str], zero_ns:
                 base=[(event.start_ns - zero_ns) * 1e-9 for event in events],
                 x=[(event.stop_ns - event.start_ns) * 1e-9 for event in events],
                 y=[kind] * len(events),
-                text=[event.label for event in events],
+                text=[escape(event.label) for event in events],
                 textposition="inside",
                 insidetextanchor="middle",
                 textangle=0,

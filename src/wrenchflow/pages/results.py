@@ -103,7 +103,10 @@ def force_section(summary: Mapping[str, Any]) -> str:
     if "demonstrations" in summary:
         columns.append(("demonstrations", summary["demonstrations"]))
     rows = [
-        (label, *(amount(part[key][at], digits, unit) if at in part.get(key, {}) else "–" for _, part in columns))
+        (
+            label,
+            *(amount(part[key][at], digits, unit) if at in part.get(key, {}) else "not given" for _, part in columns),
+        )
         for label, key, at, digits, unit in (
             ("peak force, median", "peak_force_n", "median", 1, "N"),
             ("peak force, 95th percentile", "peak_force_n", "p95", 1, "N"),

@@ -31,7 +31,7 @@ class TrainConfig:
 
     policy: PolicyConfig = field(default_factory=PolicyConfig)
     features: Literal["with_force", "without_force"] = "with_force"
-    steps: int = 12_000
+    steps: int = 6_000
     batch_size: int = 256
     learning_rate: float = 1e-3
     warmup_steps: int = 500

@@ -1,0 +1,222 @@
+"""A rollout: what the policy saw live is what training computes from the recording, and plans arrive when they arrive."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import jaxtyping
+import numpy as np
+import pytest
+
+from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.datasets.grid import to_steps
+from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.deploy.rollout import Rollout, roll_out
+from wrenchflow.errors import ConfigError, ControlError
+from wrenchflow.policy.config import MlpConfig, PolicyConfig
+from wrenchflow.policy.features import ACTION_COLUMNS, ACTION_FLOORS, FORCE_GROUPS, WITH_FORCE, WITHOUT_FORCE, Features
+from wrenchflow.policy.learned import LearnedPolicy
+from wrenchflow.policy.normaliser import fit_actions, fit_observations
+from wrenchflow.policy.policy import Policy, WithoutForceInput
+from wrenchflow.process.config import ProcessConfig
+from wrenchflow.process.pipeline import process_episode
+from wrenchflow.recording.reader import read_episode
+from wrenchflow.recording.writer import write_episode
+from wrenchflow.sim.attempt import EVALUATE, Attempt
+
+MS = 1_000_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _without_shape_checks() -> Iterator[None]:
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@dataclass(eq=False)
+class Prodder:
+    """Goes for a point below the perceived goal, a little to a random side at each step; remembers what it was shown."""
+
+    features: Features = field(default_factory=lambda: Features(WITH_FORCE))
+    period_ns: int = 50 * MS
+    n_obs_steps: int = 2
+    horizon: int = 4
+    n_action_steps: int = 1
+    shown: list[np.ndarray] = field(default_factory=list)
+
+    def act(self, observations, goal_pose, rngs):
+        self.shown.append(observations)
+        poses = np.repeat(goal_pose[:, None], self.horizon, axis=1)
+        poses[..., 2] -= 0.004
+        poses[..., :2] += np.stack([rng.normal(size=(self.horizon, 2)) for rng in rngs]) * 0.002
+        return poses
+
+
+@pytest.fixture(scope="module")
+def short(peg):
+    """The task with little time."""
+    return replace(peg, time_limit_s=2.0)
+
+
+@pytest.fixture
+def attempt(short, peg_model, rig):
+    return Attempt(
+        short,
+        peg_model,
+        rig,
+        seed=(0, 3, EVALUATE),
+        tare_s=1.0,
+        impedance=Impedance(),
+        control=ControlConfig(),
+    )
+
+
+def run(rollout: Rollout, policy: Policy, latency_ns: int = 0) -> None:
+    while not rollout.over:
+        poses = policy.act(rollout.look()[None], rollout.goal_pose[None], [rollout.attempt.rng])
+        rollout.plan(poses[0], latency_ns)
+        rollout.follow()
+
+
+@pytest.mark.parametrize(("rate_hz", "latency_ms", "groups"), [(20, 0, WITH_FORCE), (10, 70, WITH_FORCE), (20, 0, WITHOUT_FORCE)])
+def test_what_the_policy_saw_is_what_training_computes_from_the_file(attempt, tmp_path, rate_hz, latency_ms, groups):
+    policy = Prodder(features=Features(groups), period_ns=1000 * MS // rate_hz)
+    rollout = Rollout(attempt, policy)
+    run(rollout, policy, latency_ms * MS)
+    write_episode(tmp_path / "rollout.mcap", rollout.episode("rollout"))
+
+    clean, _ = process_episode(read_episode(tmp_path / "rollout.mcap"), ProcessConfig())
+    steps = to_steps(clean, rate_hz)
+    assert steps.t[0] == attempt.start_ns
+    # The last step has no action yet that training could learn.
+    assert 0 <= len(rollout.seen) - len(steps) <= 1
+    seen = np.stack(rollout.seen)[: len(steps)]
+    np.testing.assert_array_equal(seen, policy.features.encode(steps.observations))
+    if groups == WITH_FORCE:
+        forces = seen[:, policy.features.columns_of("wrench")][:, 2]
+        assert np.ptp(forces) > 3.0  # It did touch.
+
+
+def test_the_policy_is_shown_the_last_steps_oldest_first_and_the_first_one_again_where_there_are_none(attempt):
+    policy = Prodder(n_obs_steps=3)
+    rollout = Rollout(attempt, policy)
+    run(rollout, policy)
+    seen = [rollout.seen[0]] * 2 + rollout.seen
+    assert len(policy.shown) == len(rollout.seen) == 40
+    for k, shown in enumerate(policy.shown):
+        np.testing.assert_array_equal(shown[0], np.stack(seen[k : k + 3]))
+
+
+def test_a_plan_takes_effect_when_it_arrives_and_only_with_what_lies_ahead_then(attempt):
+    policy, latency_ns = Prodder(), 120 * MS
+    rollout = Rollout(attempt, policy)
+    run(rollout, policy, latency_ns)
+    episode = rollout.episode("late")
+    target = episode["target_pose"]
+    arrival_ns = attempt.start_ns + 2 * MS + latency_ns
+    moving = np.flatnonzero((target.data != target.data[0]).any(axis=1))
+    assert arrival_ns <= target.t[moving[0]] <= arrival_ns + 12 * MS
+    # Of four waypoints 50 ms apart, two have passed after 122 ms; every plan loses them.
+    steps = episode.meta["policy"]["steps"]
+    assert steps == 40
+    assert 2 * (steps - 3) <= episode.meta["policy"]["dropped_waypoints"] <= 2 * steps
+
+
+def test_a_plan_that_always_comes_too_late_moves_nothing(attempt):
+    policy = Prodder()
+    rollout = Rollout(attempt, policy)
+    run(rollout, policy, latency_ns=300 * MS)
+    target = rollout.episode("too late")["target_pose"]
+    assert (target.data == target.data[0]).all()
+    assert rollout.dropped_waypoints > 100
+
+
+def test_the_target_never_jumps(attempt):
+    policy = Prodder()
+    rollout = Rollout(attempt, policy)
+    run(rollout, policy)
+    target = rollout.episode("x")["target_pose"]
+    # The steepest segment runs from the start, at most 60 mm away, to the first waypoint 48 ms later.
+    assert np.linalg.norm(np.diff(target.data[:, :3], axis=0), axis=1).max() < 0.060 / 40
+
+
+def test_a_policy_is_asked_again_only_when_its_actions_are_done(short, peg_model, rig):
+    policy = Prodder(n_action_steps=4)
+    config = DeployConfig(episodes=2)
+    episodes = roll_out(range(2), policy, short, peg_model, rig, config)
+    assert len(policy.shown) == 10
+    assert all(shown.shape == (2, 2, policy.features.width) for shown in policy.shown)
+    assert [episode.meta["policy"]["steps"] for episode in episodes] == [40, 40]
+
+
+def test_attempts_side_by_side_are_those_that_would_be_alone(short, peg_model, rig):
+    config = DeployConfig()
+    together = roll_out([4, 9], Prodder(), short, peg_model, rig, config)
+    alone = [roll_out([index], Prodder(), short, peg_model, rig, config)[0] for index in (4, 9)]
+    assert together == alone
+    assert together[0] != together[1]
+    assert [episode.meta["seed"] for episode in together] == [[0, 4, EVALUATE], [0, 9, EVALUATE]]
+
+
+def test_a_policy_that_puts_out_what_is_no_pose_stops_before_the_arm_moves(attempt):
+    class Broken(Prodder):
+        def act(self, observations, goal_pose, rngs):
+            return super().act(observations, goal_pose, rngs) * np.nan
+
+    rollout = Rollout(attempt, Broken())
+    with pytest.raises(ControlError, match="not finite"):
+        run(rollout, Broken())
+
+
+@pytest.fixture
+def untrained() -> LearnedPolicy:
+    rng, features = np.random.default_rng(0), Features(WITH_FORCE)
+    config = PolicyConfig(mlp=MlpConfig(width=16, layers=1, step_embedding=8), horizon=4)
+    observations = rng.normal(size=(50, features.width)).astype(np.float32)
+    actions = rng.normal(size=(50, 9)).astype(np.float32) * 0.01
+    return LearnedPolicy(
+        config,
+        features,
+        50 * MS,
+        fit_observations(observations, features.columns, features.floors),
+        fit_actions(actions, ACTION_COLUMNS, ACTION_FLOORS),
+    ).eval()
+
+
+def test_a_policy_without_its_sense_of_force_is_shown_zero_and_the_rest_as_it_is(attempt):
+    inner = Prodder()
+    policy = WithoutForceInput(inner)
+    rollout = Rollout(attempt, policy)
+    run(rollout, policy)
+    width = inner.features.width
+    force = np.zeros(width, bool)
+    for group in FORCE_GROUPS:
+        force[inner.features.columns_of(group)] = True
+    assert force.sum() == 12
+    shown, seen = np.stack([shown[0, -1] for shown in inner.shown]), np.stack(rollout.seen)
+    assert (shown[:, force] == 0.0).all()
+    np.testing.assert_array_equal(shown[:, ~force], seen[:, ~force])
+    assert np.abs(seen[:, force]).max() > 1.0  # The rollout itself was shown the truth, and keeps it.
+
+
+def test_zeroed_force_changes_what_a_network_does_only_through_its_input(untrained):
+    policy = WithoutForceInput(untrained)
+    rng = np.random.default_rng(1)
+    observations = rng.normal(size=(3, 2, untrained.features.width)).astype(np.float32)
+    kept = observations.copy()
+    goals = np.tile([0.5, 0.0, 0.12, 0.0, 1.0, 0.0, 0.0], (3, 1))
+    rngs = [[np.random.default_rng(i) for i in range(3)] for _ in range(3)]
+    zeroed = policy.act(observations, goals, rngs[0])
+    np.testing.assert_array_equal(observations, kept)
+    assert not np.array_equal(zeroed, untrained.act(observations, goals, rngs[1]))
+    for group in FORCE_GROUPS:
+        observations[..., untrained.features.columns_of(group)] = 0.0
+    np.testing.assert_array_equal(zeroed, untrained.act(observations, goals, rngs[2]))
+    for name in ("features", "period_ns", "n_obs_steps", "horizon", "n_action_steps"):
+        assert getattr(policy, name) == getattr(untrained, name)
+
+
+@pytest.mark.parametrize("change", [{"episodes": 0}, {"batch": 0}, {"latency_s": -0.1}, {"tare_s": float("nan")}])
+def test_a_deployment_that_makes_no_sense_is_refused(change):
+    with pytest.raises(ConfigError, match=f"deploy.{next(iter(change))} is"):
+        DeployConfig(**change)
