@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.controller import Controller
-from wrenchflow.control.governor import cap_norm, limit_stiffness
+from wrenchflow.control.governor import cap_norm, is_stiffness, limit_stiffness
 from wrenchflow.control.records import FAULT_NONE
 from wrenchflow.rig import load_rig
 from wrenchflow.spatial import IDENTITY_POSE, exp_so3
@@ -217,3 +217,30 @@ def test_a_limited_value_limited_twice_is_itself(seed, cap):
     np.testing.assert_allclose(out * np.abs(K).sum(1).max(), K * np.abs(out).sum(1).max(), rtol=1e-9)
     limit_stiffness(out, 2.0 * cap, again)
     np.testing.assert_array_equal(again, out)
+
+
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9),
+    st.lists(st.floats(0.0, 1500.0), min_size=3, max_size=3),
+)
+def test_the_gate_knows_a_spring_from_what_pushes_the_arm_away(entries: list[float], gains: list[float]):
+    axes = np.linalg.qr(np.array(entries).reshape(3, 3) + 2.0 * np.eye(3))[0]
+    spring = axes @ np.diag(gains) @ axes.T
+    spring = (spring + spring.T) / 2.0
+    assert is_stiffness(spring)
+    pushing = axes @ np.diag([gains[0] + 1.0, gains[1] + 1.0, -1.0 - 0.1 * max(gains)]) @ axes.T
+    assert not is_stiffness((pushing + pushing.T) / 2.0)
+    twisted = spring + 0.1 * (1.0 + max(gains)) * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]])
+    assert not is_stiffness(twisted)
+
+
+@pytest.mark.parametrize(("field", "value"), [("damping_ratio", -0.1), ("K_lin", -np.eye(3)), ("K_rot", -np.eye(3))])
+def test_a_request_that_would_drive_the_arm_is_counted_and_not_followed(field: str, value: object):
+    controller = Controller(load_rig("panda_peg"), ControlConfig(ramp_s=0.0))
+    obs = controller.obs[0]
+    obs["R"], obs["M"], obs["J"] = np.eye(3), np.eye(7), np.eye(6, 7)
+    controller.start(Impedance())
+    controller.req[0][field] = value
+    controller.tick()
+    assert controller.ctl[0]["rejected"] == 1
+    assert controller.fault == "none"

@@ -33,8 +33,29 @@ def state_is_finite(obs):
 
 
 @kernel
-def request_is_finite(req):
-    """Whether every number of a request is finite, and its rotation is one."""
+def is_stiffness(K):
+    """Whether a matrix is one that a spring can have: symmetric, and pulling back in no direction less than not at all.
+
+    A sum of springs has no negative principal minor; one that had would push the arm away from its target.
+    """
+    scale = abs(K[0, 0]) + abs(K[1, 1]) + abs(K[2, 2])
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        if K[i, i] < 0.0 or abs(K[i, j] - K[j, i]) > 1e-9 * scale:
+            return False
+        if K[j, j] * K[k, k] - K[j, k] * K[k, j] < -1e-9 * scale * scale:
+            return False
+    determinant = (
+        K[0, 0] * (K[1, 1] * K[2, 2] - K[1, 2] * K[2, 1])
+        - K[0, 1] * (K[1, 0] * K[2, 2] - K[1, 2] * K[2, 0])
+        + K[0, 2] * (K[1, 0] * K[2, 1] - K[1, 1] * K[2, 0])
+    )
+    return determinant >= -1e-9 * scale * scale * scale
+
+
+@kernel
+def request_is_sound(req):
+    """Whether a request is finite, its rotation is one, and its spring and damper cannot drive the arm."""
     if not (all_finite(req.x_start) and all_finite(req.x_stop) and all_finite(req.R_start) and all_finite(req.turn)):
         return False
     if not (
@@ -50,7 +71,7 @@ def request_is_finite(req):
             dot += req.R_start[i, 2] * req.R_start[j, 2]
             if abs(dot - (1.0 if i == j else 0.0)) > 1e-6:
                 return False
-    return True
+    return req.damping_ratio >= 0.0 and is_stiffness(req.K_lin) and is_stiffness(req.K_rot)
 
 
 @kernel

@@ -14,7 +14,7 @@ from wrenchflow.control.governor import (
     leash_rotation,
     limit_stiffness,
     limit_torque,
-    request_is_finite,
+    request_is_sound,
     state_is_finite,
 )
 from wrenchflow.control.records import FAULT_NONE, FAULT_STATE, FAULT_TORQUE, JOINTS
@@ -44,7 +44,7 @@ def start(obs, ctl):
 def tick(obs, req, ctl):
     """Decide the torque of one tick into `ctl.tau` [N.m], without gravity.
 
-    A request that is not finite is counted and not followed: the last target stays. A state or a torque that is not
+    A request that is not sound is counted and not followed: the last target stays. A state or a torque that is not
     finite latches a fault, and the command falls to zero at the rate limit; gravity stays compensated by the robot.
     """
     ctl.tau_wanted[:] = 0.0
@@ -76,7 +76,7 @@ def tick_each(obs, req, ctl):
 
 @kernel
 def _take_request(req, ctl):
-    if not request_is_finite(req):
+    if not request_is_sound(req):
         ctl.rejected += 1
         return
     ctl.segment_tick += 1

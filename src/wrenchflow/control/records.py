@@ -52,7 +52,7 @@ CTL = _record(
     [
         ("tick", "i8"),  # ticks since the start
         ("segment_tick", "i8"),  # ticks into the present segment
-        ("rejected", "i8"),  # requests that were not finite, and so not followed
+        ("rejected", "i8"),  # requests that were not sound, and so not followed
         ("fault", "i8"),  # a FAULT_* code; anything but FAULT_NONE is latched
         ("x_target", "f8", 3),  # what is asked at this tick, before leash and limits
         ("R_target", "f8", (3, 3)),

@@ -60,7 +60,7 @@ class Rollout:
 
     def look(self) -> Float32[np.ndarray, "n_obs_steps width"]:
         """Let the state of this step's stamp arrive, and give the features of the last steps, the newest last."""
-        self._run(_MEASURE_TICKS)
+        self._run((self._t_ns - self._now_ns) // TICK_NS + _MEASURE_TICKS)
         rows = self.attempt.plant.recorded[-_TAIL_TICKS:]
         streams = {**streams_of(rows), "wrench": self._feel.tail, "goal_pose": self._goal}
         features = self._policy.features

@@ -70,9 +70,11 @@ class Attempt:
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
         self.controller = Controller(rig, control)
         self.plant.begin(self.controller, impedance)
-        rows = self.plant.advance(self.controller, round(tare_s / TICK_S))
+        # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
+        # who tares now has the very samples that who reads the recording has.
+        rows = self.plant.advance(self.controller, round(tare_s / TICK_S) + 1)
         half = len(rows) // 2
-        self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]) + TICK_NS, "phase", "tare")
+        self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
         self.start_ns = self.tare.stop_ns
         self.target_pose: Float[np.ndarray, " 7"] = self.controller.target_pose
 
