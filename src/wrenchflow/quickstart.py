@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, TypedDict
+from typing import Any, Protocol, TypedDict, runtime_checkable
 
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import collect_folder, demonstrate
@@ -35,6 +35,7 @@ class _Options(TypedDict):
     overwrite: bool
 
 
+@runtime_checkable
 class Watch(Protocol):
     """How whoever calls wants to see a stage: takes its results as they come, and gives all of them."""
 

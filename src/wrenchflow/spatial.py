@@ -58,7 +58,7 @@ def rotation_of_rot6d(rot6d: Float[np.ndarray, "*n 6"]) -> Float[np.ndarray, "*n
     x = rot6d[..., :3] / np.linalg.norm(rot6d[..., :3], axis=-1, keepdims=True)
     y = rot6d[..., 3:] - (x * rot6d[..., 3:]).sum(-1, keepdims=True) * x
     y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-    return np.stack([x, y, _cross(x, y)], axis=-1)
+    return np.stack([x, y, cross(x, y)], axis=-1)
 
 
 def make_pose(
@@ -81,7 +81,8 @@ def inverse(T_a_b: Float[np.ndarray, "*n 7"]) -> Float[np.ndarray, "*n 7"]:
     return make_pose(-(R_b_a @ T_a_b[..., :3, None])[..., 0], R_b_a)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: Float[np.ndarray, "*n 3"], b: Float[np.ndarray, "*m 3"]) -> Float[np.ndarray, "*k 3"]:
+    """Vector product of three-vectors; leading axes broadcast."""
     # numpy's own moves axes about for generality, at ten times the cost of the six products for one vector.
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
@@ -102,14 +103,14 @@ def move_wrench(wrench: Float[np.ndarray, "*n 6"], r_m: Float[np.ndarray, "*m 3"
         r_m: New point minus old point [m], in the wrench's axes. Shape (..., 3).
     """
     force = wrench[..., :3]
-    moment = wrench[..., 3:] - _cross(r_m, force)
+    moment = wrench[..., 3:] - cross(r_m, force)
     return np.concatenate([np.broadcast_to(force, moment.shape), moment], axis=-1)
 
 
 def move_twist(twist: Float[np.ndarray, "*n 6"], r_m: Float[np.ndarray, "*m 3"]) -> Float[np.ndarray, "*k 6"]:
     """Refer a twist to another point of the same body: v_new = v + w x r."""
     angular = twist[..., 3:]
-    linear = twist[..., :3] + _cross(angular, r_m)
+    linear = twist[..., :3] + cross(angular, r_m)
     return np.concatenate([linear, np.broadcast_to(angular, linear.shape)], axis=-1)
 
 

@@ -47,7 +47,7 @@ class Prodder:
     def act(self, observations, goal_pose, rngs):
         self.shown.append(observations)
         poses = np.repeat(goal_pose[:, None], self.horizon, axis=1)
-        poses[..., 2] -= 0.004
+        poses[..., 2] -= 0.008
         poses[..., :2] += np.stack([rng.normal(size=(self.horizon, 2)) for rng in rngs]) * 0.002
         return poses
 
@@ -94,7 +94,7 @@ def test_what_the_policy_saw_is_what_training_computes_from_the_file(attempt, tm
     np.testing.assert_array_equal(seen, policy.features.encode(steps.observations))
     if groups == WITH_FORCE:
         forces = seen[:, policy.features.columns_of("wrench")][:, 2]
-        assert np.ptp(forces) > 3.0  # It did touch.
+        assert np.ptp(forces) > 2.0  # It did touch.
 
 
 def test_the_policy_is_shown_the_last_steps_oldest_first_and_the_first_one_again_where_there_are_none(attempt):

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from wrenchflow.collect.device import TwistMap
 from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,3 +39,15 @@ class CollectConfig:
     twist_map: TwistMap = field(default_factory=TwistMap)
     impedance: Impedance = field(default_factory=Impedance)
     control: ControlConfig = field(default_factory=ControlConfig)
+
+    def __post_init__(self) -> None:
+        for name in ("episodes", "device_hz"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"collect.{name} is {getattr(self, name)}, expected at least 1.")
+        if self.device_hz > 1000 or 1000 % self.device_hz:
+            raise ConfigError(f"collect.device_hz is {self.device_hz}, expected a whole number of 1 kHz ticks a report.")
+        for name in ("tare_s", "disturbance_s"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"collect.{name} is {getattr(self, name)}, expected more than 0.")
+        if not self.disturbance_m >= 0.0:
+            raise ConfigError(f"collect.disturbance_m is {self.disturbance_m}, expected 0 or more.")

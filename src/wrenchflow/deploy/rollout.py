@@ -39,6 +39,7 @@ class Rollout:
         """Begin at the end of the tare."""
         self.attempt, self._policy = attempt, policy
         self._feel = LiveWrench(streams_of(attempt.plant.recorded), attempt.tare, attempt.rig)
+        self._felt = attempt.plant.count  # Rows whose wrench has been worked off.
         self._follower = PlanFollower(attempt.target_pose, attempt.start_ns)
         self._arriving: deque[tuple[int, Plan]] = deque()
         self._t_ns = attempt.start_ns
@@ -61,6 +62,8 @@ class Rollout:
     def look(self) -> Float32[np.ndarray, "n_obs_steps width"]:
         """Let the state of this step's stamp arrive, and give the features of the last steps, the newest last."""
         self._run((self._t_ns - self._now_ns) // TICK_NS + _MEASURE_TICKS)
+        self._feel.push(*self.attempt.samples_since(self._felt))
+        self._felt = self.attempt.plant.count
         rows = self.attempt.plant.recorded[-_TAIL_TICKS:]
         streams = {**streams_of(rows), "wrench": self._feel.tail, "goal_pose": self._goal}
         features = self._policy.features
@@ -90,9 +93,7 @@ class Rollout:
         now_ns = self._now_ns
         while self._arriving and self._arriving[0][0] <= now_ns:
             self.dropped_waypoints += self._follower.accept(self._arriving.popleft()[1], now_ns)
-        first = self.attempt.plant.count
         self.attempt.advance(self._follower.target(now_ns + ticks * TICK_NS), ticks)
-        self._feel.push(*self.attempt.samples_since(first))
 
     def episode(self, id: str, **meta: Any) -> Episode:
         """The recording."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wrenchflow.rig import Rig
-from wrenchflow.spatial import compose, inverse, rotation_of
+from wrenchflow.spatial import compose, cross, inverse, rotation_of
 
 GRAVITY_M_S2 = 9.81
 
@@ -40,7 +40,7 @@ class SensorMount:
         """What the payload at rest makes the sensor read, in the sensor frame [N, N.m]. Shape (n, 6)."""
         # m R^T (-g) with g along -z of the base: the last row of R, times m |g|.
         force = self._mass_kg * GRAVITY_M_S2 * R_base_sensor[:, 2, :]
-        return np.concatenate([force, np.cross(self._com_m, force)], axis=1)
+        return np.concatenate([force, cross(self._com_m, force)], axis=1)
 
     def to_tcp(
         self, R_base_sensor: Float[np.ndarray, "n 3 3"], wrench: Float[np.ndarray, "n d"]
@@ -49,5 +49,5 @@ class SensorMount:
         force = rotate(R_base_sensor, wrench[:, :3])
         if wrench.shape[1] == 3:
             return force
-        moment = wrench[:, 3:] - np.cross(self._tcp_sensor_m, wrench[:, :3])
+        moment = wrench[:, 3:] - cross(self._tcp_sensor_m, wrench[:, :3])
         return np.concatenate([force, rotate(R_base_sensor, moment)], axis=1)

@@ -163,7 +163,7 @@ class Plant:
             )
 
     def _noise(self, ticks: int) -> Float[np.ndarray, "n k"]:
-        # Drawn in blocks of fixed size, so that how an episode is cut into chunks does not change its numbers.
+        # Drawn in blocks, for a draw costs as much as a tick; the stream of numbers is the same in any blocks.
         while len(self._white) < self._drawn + ticks:
             block = self._rng.standard_normal((_NOISE_BLOCK_TICKS, NOISE_WIDTH))
             self._white, self._drawn = np.concatenate([self._white[self._drawn :], block]), 0

@@ -1,0 +1,110 @@
+"""Ctrl-C in any stage: exit code 130, one line, nothing that looks whole, and nobody left running."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="process groups")
+
+COMMAND = str(Path(sys.executable).with_name("wrenchflow"))
+PATIENCE_S = 120.0
+
+
+def wait_until(condition: Callable[[], bool], running: subprocess.Popen[str], what: str) -> None:
+    stop_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert running.poll() is None, f"it ended before {what}: {running.communicate()}"
+        assert time.monotonic() < stop_s, f"{what} did not come."
+        time.sleep(0.01)
+
+
+def group_is_alive(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def interrupted(at: Path, arguments: list[object], ready: Callable[[], bool], *, whole_group: bool) -> None:
+    """Start a command, press Ctrl-C once `ready`, and look at what is left."""
+    before = {path for path in at.rglob("*") if path.is_file()}
+    command = [COMMAND, *map(str, arguments)]
+    # A session of its own makes it the leader of a process group, as a shell makes a command.
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=at, start_new_session=True, env=environment
+    ) as running:
+        try:
+            wait_until(ready, running, "the moment to interrupt it")
+            # A terminal tells the whole group; whoever knows only the number of the process tells it alone.
+            (os.killpg if whole_group else os.kill)(running.pid, signal.SIGINT)
+            stdout, stderr = running.communicate(timeout=PATIENCE_S)
+        finally:
+            if group_is_alive(running.pid) and running.poll() is None:
+                os.killpg(running.pid, signal.SIGKILL)
+    assert (running.returncode, stdout, stderr) == (130, "", "wrenchflow: interrupted.\n")
+    left = {path for path in at.rglob("*") if path.is_file()} - before
+    assert [path for path in left if ".partial" not in str(path.relative_to(at))] == []
+    stop_s = time.monotonic() + PATIENCE_S
+    while group_is_alive(running.pid):
+        assert time.monotonic() < stop_s, "somebody of its process group is still there."
+        time.sleep(0.01)
+
+
+def some(at: Path, pattern: str) -> Callable[[], bool]:
+    return lambda: any(at.glob(pattern))
+
+
+@pytest.mark.parametrize("whole_group", [True, False])
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_in_collect(tmp_path, whole_group, jobs):
+    collect = ["collect", "raw", "--episodes", 500, "--jobs", jobs]
+    interrupted(tmp_path, collect, some(tmp_path, "raw.partial/*.mcap"), whole_group=whole_group)
+
+
+def test_in_collect_before_the_workers_have_started(tmp_path):
+    collect = ["collect", "raw", "--episodes", 500, "--jobs", 2]
+    interrupted(tmp_path, collect, some(tmp_path, "raw.partial"), whole_group=True)
+
+
+@pytest.fixture
+def many(chain, tmp_path) -> Path:
+    """A folder of more recordings than can be worked off before Ctrl-C."""
+    for stage in ("raw", "clean"):
+        (tmp_path / stage).mkdir()
+        for path in (chain.folder / stage).glob("*.mcap"):
+            for copy in range(40):
+                (tmp_path / stage / f"{path.stem}-{copy}.mcap").symlink_to(path)
+    return tmp_path
+
+
+def test_in_process(many):
+    process = ["process", "raw", "out", "--jobs", 2]
+    interrupted(many, process, some(many, "out.partial/*.mcap"), whole_group=True)
+
+
+def test_in_train(chain, tmp_path):
+    train = ["train", chain.folder / "dataset", "out", "--steps", 1_000_000, "--metrics-every", 5, "--threads", 1]
+    metrics = tmp_path / "out.partial" / "metrics.jsonl"
+    interrupted(tmp_path, train, lambda: metrics.exists() and metrics.stat().st_size > 0, whole_group=True)
+
+
+def test_in_deploy(chain, tmp_path):
+    deploy = ["deploy", chain.folder / "run", "out", "--episodes", 400, "--jobs", 2]
+    # Its workers are loading torch then; in `collect` they are at work.
+    interrupted(tmp_path, deploy, some(tmp_path, "out.partial"), whole_group=True)
+
+
+def test_a_data_set_is_there_when_it_is_whole_and_not_before(many):
+    # Reading takes most of the time, and leaves nothing at all; so it is interrupted at once.
+    start_s = time.monotonic()
+    export = ["export", "robomimic", "clean", "out", "--jobs", 2]
+    interrupted(many, export, lambda: time.monotonic() > start_s + 4.0, whole_group=True)
+    assert not (many / "out" / "robomimic.hdf5").exists()
