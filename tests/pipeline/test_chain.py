@@ -44,8 +44,9 @@ def test_each_stage_leaves_its_files_and_nothing_half_done(chain):
         files_in(at / "run")
     )
     rollouts = files_in(at / "rollouts")
-    assert sorted(name for name in rollouts if not name.endswith(".mcap")) == ["evaluation.json", "manifest.json"]
-    assert len(rollouts) == 5
+    described = ["evaluation.html", "evaluation.json", "manifest.json"]
+    assert sorted(name for name in rollouts if not name.endswith(".mcap")) == described
+    assert len(rollouts) == 6
     assert list(at.rglob("*.partial")) == []
 
 
