@@ -6,6 +6,7 @@ It stands above the rooms, beside the command line, and is imported by nothing b
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, TypedDict, runtime_checkable
 
@@ -25,6 +26,7 @@ from wrenchflow.process.pipeline import process_folder
 from wrenchflow.quickstart_config import TASK, QuickstartConfig
 from wrenchflow.sim.attempt import EVALUATE
 from wrenchflow.train.config import TrainConfig
+from wrenchflow.train.loop import Metrics
 from wrenchflow.train.run import train_folder
 
 _OUTPUTS = ("raw", "clean", "dataset", "run", "run_without_force", "rollouts", "index.html")
@@ -96,7 +98,7 @@ class _Chain:
     def __init__(self, out: Path, config: QuickstartConfig, watch: Watch, jobs: int, overwrite: bool) -> None:
         self.out, self.watch, self.jobs, self.overwrite = out, watch, jobs, overwrite
         self.collect = CollectConfig(task=TASK, episodes=config.episodes, seed=config.seed)
-        self.train_config = TrainConfig(steps=config.train_steps, seed=config.seed, threads=jobs)
+        self.train_config = TrainConfig(steps=config.train_steps, seed=config.seed, threads=1)
         self.deploy = DeployConfig(task=TASK, episodes=config.rollouts, seed=config.seed)
         self.seconds: dict[str, float] = {}
 
@@ -133,16 +135,13 @@ class _Chain:
         }
 
     def train(self) -> dict[str, list[Any]]:
-        """Train the policy, and the same one without force; returns the first one's curve."""
-        dataset, rows = (
-            self.out / "dataset" / "robomimic.hdf5",
-            -(-self.train_config.steps // self.train_config.metrics_every),
-        )
-        training = train_folder(dataset, self.out / "run", self.train_config, overwrite=self.overwrite)
-        metrics = [row.metrics for row in self.run("train", training, rows)]
-        without = replace(self.train_config, features="without_force")
-        training = train_folder(dataset, self.out / "run_without_force", without, overwrite=self.overwrite)
-        self.run("train without force", training, rows)
+        """Train the policy and, beside it, the same one without force; returns the first one's curve."""
+        # One thread each: two processes share two cores better than two threads of one, which wait for each other.
+        felt, blunt = self.train_config, replace(self.train_config, features="without_force")
+        dataset = self.out / "dataset" / "robomimic.hdf5"
+        both = [_Training(dataset, self.out / "run", felt), _Training(dataset, self.out / "run_without_force", blunt)]
+        work = partial(_train, overwrite=self.overwrite)
+        metrics = self.run("train", map_episodes(work, both, jobs=self.jobs), len(both))[0]
         return {
             "steps": [row.step for row in metrics],
             "loss": [row.loss for row in metrics],
@@ -162,6 +161,20 @@ class _Chain:
             "without_force": self.run("compare", without, n, "compare: without force"),
             "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
         }
+
+
+@dataclass(frozen=True)
+class _Training:
+    """One policy to be trained; travels to a worker process."""
+
+    dataset: Path
+    out: Path
+    config: TrainConfig
+
+
+def _train(training: _Training, *, overwrite: bool) -> list[Metrics]:
+    rows = train_folder(training.dataset, training.out, training.config, overwrite=overwrite)
+    return [row.metrics for row in rows]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What goes wrong is told in one line, word for word as in golden/bad_input.toml, and leaves nothing that looks whole."""
+"""What goes wrong is told in one line, as golden/bad_input.toml has it, and leaves nothing that looks whole."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""The whole chain through the real command line, twice: it fits together, and a seed is every byte of what it leaves."""
+"""The whole chain through the real command line, twice: it fits together, and a seed is every byte it leaves."""
 
 import json
 import subprocess
@@ -145,4 +145,6 @@ def test_the_installed_command_collects(chain, tmp_path):
     assert (ran.returncode, ran.stderr) == (0, "")
     assert json.loads(ran.stdout)["episodes"] == 1
     path = next((tmp_path / "raw").glob("*.mcap"))
-    assert path.read_bytes() == (chain.folder / "raw" / path.name).read_bytes()
+    # One episode or six, the first is the same; only the configuration that it carries says how many were asked for.
+    first, same = read_episode(chain.folder / "raw" / path.name), read_episode(path)
+    assert (first.streams, first.events) == (same.streams, same.events)

@@ -39,7 +39,13 @@ def interrupted(at: Path, arguments: list[object], ready: Callable[[], bool], *,
     # A session of its own makes it the leader of a process group, as a shell makes a command.
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=at, start_new_session=True, env=environment
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=at,
+        start_new_session=True,
+        env=environment,
     ) as running:
         try:
             wait_until(ready, running, "the moment to interrupt it")

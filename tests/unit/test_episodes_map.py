@@ -1,3 +1,4 @@
+import multiprocessing
 import threading
 import time
 from collections.abc import Iterator
@@ -76,3 +77,14 @@ def test_whoever_stops_listening_cancels_the_rest():
         results.close()  # pyright: ignore[reportAttributeAccessIssue]
         release.set()
     assert len(started) < 5
+
+
+def test_an_error_or_a_listener_who_leaves_ends_worker_processes_that_are_busy():
+    # Sleeping for less than no time is an error; nobody waits for those that sleep an hour.
+    with pytest.raises(ValueError, match="non-negative"):
+        list(map_episodes(time.sleep, [-1.0, 3600.0, 3600.0], jobs=2))
+    assert multiprocessing.active_children() == []
+    results = map_episodes(time.sleep, [0.0, 3600.0, 3600.0], jobs=2)
+    assert next(results) is None
+    results.close()  # pyright: ignore[reportAttributeAccessIssue]
+    assert multiprocessing.active_children() == []

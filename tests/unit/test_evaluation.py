@@ -1,5 +1,7 @@
 """Success, intervals and peak force, against numbers from elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binomtest
@@ -14,6 +16,8 @@ from wrenchflow.deploy.evaluation import (
     summarise,
     wilson_interval,
 )
+
+MS = 1_000_000
 
 
 def verdict(success: bool, failure: str = "missed", peak_force_n: float = 10.0, duration_s: float = 4.0) -> Verdict:
@@ -69,7 +73,9 @@ def attempt(recording):
     def make(push_n: float, failure: str = "", **changes):
         direction = np.array([0.0, 0.6, -0.8])
         episode = recording(push_n=tuple(push_n * direction), **changes)
-        return episode.with_meta(result={"success": not failure, "failure": failure, "duration_s": 1.5, "progress": 1.0})
+        return episode.with_meta(
+            result={"success": not failure, "failure": failure, "duration_s": 1.5, "progress": 1.0}
+        )
 
     return make
 
@@ -87,11 +93,21 @@ def test_the_peak_is_of_the_compensated_force_after_a_low_pass(attempt):
 def test_what_happens_before_the_end_of_the_tare_is_no_peak(attempt):
     calm = attempt(0.0, noise=0.0)
     assert peak_force_n(calm, 50.0) < 1e-6
+    raw, tare = calm["wrench_raw"], calm.events_of("phase")[0]
+    knocked, late_tare = raw.data.copy(), replace(tare, start_ns=tare.start_ns + 250 * MS)
+    knocked[:100, :3] += 30.0
+    episode = replace(calm.with_stream("wrench_raw", replace(raw, data=knocked)), events=(late_tare,))
+    assert peak_force_n(episode, 50.0) < 1e-6
 
 
 @pytest.mark.parametrize(
     ("push_n", "failure", "success", "named"),
-    [(10.0, "", True, ""), (30.0, "", False, "over-force"), (10.0, "jammed", False, "jammed"), (30.0, "missed", False, "missed")],
+    [
+        (10.0, "", True, ""),
+        (30.0, "", False, "over-force"),
+        (10.0, "jammed", False, "jammed"),
+        (30.0, "missed", False, "missed"),
+    ],
 )
 def test_who_presses_too_hard_has_not_succeeded(attempt, push_n, failure, success, named):
     judged = judge(attempt(push_n, failure), force_limit_n=25.0, force_cutoff_hz=50.0)

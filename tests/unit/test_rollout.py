@@ -1,4 +1,4 @@
-"""A rollout: what the policy saw live is what training computes from the recording, and plans arrive when they arrive."""
+"""A rollout: what the policy saw live is what training computes from the recording, and plans may be late."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -35,7 +35,7 @@ def _without_shape_checks() -> Iterator[None]:
 
 @dataclass(eq=False)
 class Prodder:
-    """Goes for a point below the perceived goal, a little to a random side at each step; remembers what it was shown."""
+    """Goes for a point below the perceived goal, and a little to a random side; remembers what it was shown."""
 
     features: Features = field(default_factory=lambda: Features(WITH_FORCE))
     period_ns: int = 50 * MS
@@ -78,7 +78,9 @@ def run(rollout: Rollout, policy: Policy, latency_ns: int = 0) -> None:
         rollout.follow()
 
 
-@pytest.mark.parametrize(("rate_hz", "latency_ms", "groups"), [(20, 0, WITH_FORCE), (10, 70, WITH_FORCE), (20, 0, WITHOUT_FORCE)])
+@pytest.mark.parametrize(
+    ("rate_hz", "latency_ms", "groups"), [(20, 0, WITH_FORCE), (10, 70, WITH_FORCE), (20, 0, WITHOUT_FORCE)]
+)
 def test_what_the_policy_saw_is_what_training_computes_from_the_file(attempt, tmp_path, rate_hz, latency_ms, groups):
     policy = Prodder(features=Features(groups), period_ns=1000 * MS // rate_hz)
     rollout = Rollout(attempt, policy)

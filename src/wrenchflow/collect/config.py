@@ -44,8 +44,8 @@ class CollectConfig:
         for name in ("episodes", "device_hz"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"collect.{name} is {getattr(self, name)}, expected at least 1.")
-        if self.device_hz > 1000 or 1000 % self.device_hz:
-            raise ConfigError(f"collect.device_hz is {self.device_hz}, expected a whole number of 1 kHz ticks a report.")
+        if 1000 % self.device_hz:
+            raise ConfigError(f"collect.device_hz is {self.device_hz}, expected a divisor of the 1000 ticks a second.")
         for name in ("tare_s", "disturbance_s"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"collect.{name} is {getattr(self, name)}, expected more than 0.")

@@ -14,7 +14,6 @@ from wrenchflow.control.controller import TICK_S, Controller
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.rig import Rig
 from wrenchflow.signals import POSE
-from wrenchflow.sim.engine import TICK_NS
 from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task
