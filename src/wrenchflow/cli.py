@@ -1,6 +1,7 @@
 """The command line: parse, dispatch, print, exit codes. The only place that prints."""
 
 import json
+import math
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from tyro.conf import Positional, arg
 
 from wrenchflow import __version__
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.config import load
+from wrenchflow.config import load, to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.errors import ConfigError, WrenchflowError
@@ -230,6 +231,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(__version__)
             return EXIT_DONE
         command = _parse(arguments)
+        _require_sound(command)
         result = command.run()
     except WrenchflowError as error:
         print(f"wrenchflow: {error}", file=sys.stderr)
@@ -256,6 +258,30 @@ def _parse(arguments: list[str]) -> _Command:
     return tyro.extras.subcommand_cli_from_dict(
         commands, prog="wrenchflow", description=_DESCRIPTION, args=arguments, sort_subcommands=False
     )
+
+
+def _require_sound(command: _Command) -> None:
+    """Refuse what no stage can work with, before any of them begins.
+
+    Raises:
+        ConfigError: For fewer than one worker, a negative seed, or a number that is not finite.
+    """
+    jobs = getattr(command, "jobs", 1)
+    if jobs < 1:
+        raise ConfigError(f"jobs is {jobs}, expected at least 1.")
+    for name, value in _numbers(to_mapping(getattr(command, "config", None))):
+        if not math.isfinite(value):
+            raise ConfigError(f"{name} is {value}, expected a finite number.")
+        if name == "seed" and value < 0:
+            raise ConfigError(f"seed is {value}, expected 0 or more.")
+
+
+def _numbers(values: Any, name: str = "") -> Iterator[tuple[str, float]]:
+    if isinstance(values, Mapping):
+        for key, value in values.items():
+            yield from _numbers(value, f"{name}.{key}" if name else key)
+    elif isinstance(values, int | float) and not isinstance(values, bool):
+        yield name, values
 
 
 def _with_defaults(name: str, file: Path) -> type[_Command]:

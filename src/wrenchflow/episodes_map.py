@@ -31,20 +31,24 @@ def map_episodes[T, R](
     Raises:
         Whatever `function` raises. What has not started is cancelled then, and local processes are ended.
     """
-    if executor is not None:
-        yield from _in_order(_submit_all(function, items, executor))
-        return
-    if jobs <= 1:
+    if executor is None and jobs <= 1:
         yield from map(function, items)
-        return
+    elif executor is None:
+        with worker_pool(jobs) as pool:
+            yield from _in_order(_submit_all(function, items, pool))
+    else:
+        yield from _in_order(_submit_all(function, items, executor))
+
+
+@contextmanager
+def worker_pool(jobs: int) -> Iterator[Executor]:
+    """Local worker processes, for several maps that need the same heavy imports; an error or Ctrl-C ends them."""
     # Spawned, not forked: numeric libraries' threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_prepare_worker) as pool:
         try:
-            with _interrupts_held():
-                futures = _submit_all(function, items, pool)
-            yield from _in_order(futures)
+            yield pool
         except BaseException:
             # An error, Ctrl-C, or nobody wants more: what is running would be thrown away, and may take minutes.
             for worker in set(multiprocessing.active_children()) - others:
@@ -66,7 +70,8 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _submit_all[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor) -> deque[Future[R]]:
-    return deque(executor.submit(function, item) for item in items)
+    with _interrupts_held():
+        return deque(executor.submit(function, item) for item in items)
 
 
 def _in_order[R](futures: deque[Future[R]]) -> Iterator[R]:

@@ -1,5 +1,6 @@
 """Output folders: made under another name, renamed when whole, with a manifest that says what made them."""
 
+import fcntl
 import hashlib
 import importlib.metadata
 import json
@@ -84,31 +85,71 @@ def read_json(path: Path) -> Any:
 
 
 @contextmanager
-def output_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+def output_folder(
+    path: Path, *, overwrite: bool = False, reads: Iterable[Path] = (), mark: str = NAME
+) -> Iterator[Path]:
     """Make a folder as `<name>.partial`, and rename it when the block ends well.
 
     Args:
         path: Where the finished folder goes.
-        overwrite: Replace a folder that is there; it is removed only once the new one is whole.
+        overwrite: Replace a folder of ours that is there, once the new one is whole; nothing else is ever replaced.
+        reads: What the stage reads, which must not lie in what it replaces.
+        mark: A file, relative to the folder, that tells a folder of ours from anybody else's.
 
     Yields:
         The folder to write into. After an error or Ctrl-C it stays behind under its `.partial` name.
 
     Raises:
-        OutputError: If `path` exists and may not be replaced.
+        OutputError: If `path` exists and may not be replaced, cannot be made, or is being written by another run.
     """
-    if path.exists() and not overwrite:
+    target = path.resolve()
+    _require_replaceable(path, target, overwrite, reads, mark)
+    partial = target.with_name(target.name + ".partial")
+    with _held(path, partial):
+        yield partial
+        if target.exists():
+            # Set aside, not removed, until the new one stands in its place.
+            aside = target.with_name(target.name + ".replaced")
+            shutil.rmtree(aside, ignore_errors=True)
+            os.replace(target, aside)
+            os.replace(partial, target)
+            shutil.rmtree(aside)
+        else:
+            os.replace(partial, target)
+
+
+def _require_replaceable(path: Path, target: Path, overwrite: bool, reads: Iterable[Path], mark: str) -> None:
+    if Path.cwd().is_relative_to(target):
+        raise OutputError(f"output '{path}' is the folder that this runs in, or one above it. Choose another place.")
+    for read in reads:
+        if read.resolve().is_relative_to(target):
+            raise OutputError(f"output '{path}' would replace what is read, '{read}'. Choose another place.")
+    if not target.exists():
+        return
+    if not overwrite:
         raise OutputError(f"output '{path}' exists already. Choose another place, or pass --overwrite.")
-    partial = path.with_name(path.name + ".partial")
+    if not target.is_dir() or (any(target.iterdir()) and not (target / mark).exists()):
+        raise OutputError(f"output '{path}' is no folder that wrenchflow made: it has no {mark}. Choose another place.")
+
+
+@contextmanager
+def _held(path: Path, partial: Path) -> Iterator[None]:
+    """Make the partial folder anew, and hold it, so that two runs never write into one."""
     try:
-        if partial.exists():
-            shutil.rmtree(partial)
-        partial.mkdir(parents=True)
+        partial.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(partial, os.O_RDONLY)
     except OSError as error:
         raise OutputError(f"output '{path}' cannot be made: {error.strerror}.") from error
-    yield partial
-    if path.is_dir():
-        shutil.rmtree(path)
-    elif path.exists():
-        path.unlink()
-    os.replace(partial, path)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise OutputError(f"output '{path}' is being written by another run. Choose another place.") from error
+        for left in partial.iterdir():  # What an earlier run left behind; the folder itself carries the lock.
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left)
+            else:
+                left.unlink()
+        yield
+    finally:
+        os.close(descriptor)

@@ -17,7 +17,7 @@ from wrenchflow.datasets.export import export_folder
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.evaluation import Verdict, judge, paired_p_value, spread, summarise
 from wrenchflow.deploy.run import deploy_folder, evaluate
-from wrenchflow.episodes_map import map_episodes
+from wrenchflow.episodes_map import map_episodes, worker_pool
 from wrenchflow.errors import OutputError
 from wrenchflow.manifest import versions
 from wrenchflow.present import write_evaluation_page, write_quickstart_page
@@ -150,17 +150,18 @@ class _Chain:
 
     def arms(self) -> dict[str, list[Verdict]]:
         """Let the policy, the same without its sense of force, the one without force and the baseline try."""
-        out, config, n, jobs = self.out, self.deploy, self.deploy.episodes, self.jobs
-        deploying = deploy_folder(out / "run", out / "rollouts", config, jobs=jobs, overwrite=self.overwrite)
-        zeroed = evaluate(out / "run", replace(config, wrench_input="zeroed"), jobs=jobs)
-        without = evaluate(out / "run_without_force", config, jobs=jobs)
-        spiral = map_episodes(_Spiral(self.collect, config), range(n), jobs=jobs)
-        return {
-            "policy": self.run("deploy", deploying, n),
-            "zeroed_force": self.run("compare", zeroed, n, "compare: force zeroed"),
-            "without_force": self.run("compare", without, n, "compare: without force"),
-            "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
-        }
+        out, config, n = self.out, self.deploy, self.deploy.episodes
+        with worker_pool(self.jobs) as pool:  # One for all: a worker spends seconds on loading torch and MuJoCo.
+            deploying = deploy_folder(out / "run", out / "rollouts", config, overwrite=self.overwrite, executor=pool)
+            zeroed = evaluate(out / "run", replace(config, wrench_input="zeroed"), executor=pool)
+            without = evaluate(out / "run_without_force", config, executor=pool)
+            spiral = map_episodes(_Spiral(self.collect, config), range(n), executor=pool)
+            return {
+                "policy": self.run("deploy", deploying, n),
+                "zeroed_force": self.run("compare", zeroed, n, "compare: force zeroed"),
+                "without_force": self.run("compare", without, n, "compare: without force"),
+                "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
+            }
 
 
 @dataclass(frozen=True)

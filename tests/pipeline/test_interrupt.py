@@ -32,8 +32,10 @@ def group_is_alive(group: int) -> bool:
     return True
 
 
-def interrupted(at: Path, arguments: list[object], ready: Callable[[], bool], *, whole_group: bool) -> None:
-    """Start a command, press Ctrl-C once `ready`, and look at what is left."""
+def interrupted(
+    at: Path, arguments: list[object], ready: Callable[[], bool], *, whole_group: bool, done: tuple[str, ...] = ()
+) -> None:
+    """Start a command, press Ctrl-C once `ready`, and look at what is left besides what was `done` before."""
     before = {path for path in at.rglob("*") if path.is_file()}
     command = [COMMAND, *map(str, arguments)]
     # A session of its own makes it the leader of a process group, as a shell makes a command.
@@ -57,7 +59,8 @@ def interrupted(at: Path, arguments: list[object], ready: Callable[[], bool], *,
                 os.killpg(running.pid, signal.SIGKILL)
     assert (running.returncode, stdout, stderr) == (130, "", "wrenchflow: interrupted.\n")
     left = {path for path in at.rglob("*") if path.is_file()} - before
-    assert [path for path in left if ".partial" not in str(path.relative_to(at))] == []
+    names = [str(path.relative_to(at)) for path in left]
+    assert [name for name in names if ".partial" not in name and not name.startswith(done)] == []
     stop_s = time.monotonic() + PATIENCE_S
     while group_is_alive(running.pid):
         assert time.monotonic() < stop_s, "somebody of its process group is still there."
@@ -106,6 +109,13 @@ def test_in_deploy(chain, tmp_path):
     deploy = ["deploy", chain.folder / "run", "out", "--episodes", 400, "--jobs", 2]
     # Its workers are loading torch then; in `collect` they are at work.
     interrupted(tmp_path, deploy, some(tmp_path, "out.partial"), whole_group=True)
+
+
+def test_in_quickstart_while_its_policies_train(tmp_path):
+    quickstart = ["quickstart", "out", "--episodes", 2, "--train-steps", 1_000_000, "--jobs", 2]
+    ready = some(tmp_path, "out/run*.partial/metrics.jsonl")
+    done = ("out/raw/", "out/clean/", "out/dataset/")
+    interrupted(tmp_path, quickstart, ready, whole_group=True, done=done)
 
 
 def test_a_data_set_is_there_when_it_is_whole_and_not_before(many):

@@ -51,6 +51,7 @@ def test_an_old_folder_goes_only_when_the_new_one_is_whole(tmp_path: Path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "old.txt").write_text("1")
+    (out / "manifest.json").write_text("{}")
     with pytest.raises(ValueError), output_folder(out, overwrite=True):
         raise ValueError
     assert (out / "old.txt").exists()
@@ -96,3 +97,42 @@ def test_a_manifest_that_is_missing_or_damaged_is_one_known_error(tmp_path: Path
     (tmp_path / "manifest.json").write_text("{")
     with pytest.raises(RecordingError, match="cannot be read as JSON"):
         read_manifest(tmp_path)
+
+
+def test_only_a_folder_of_ours_is_ever_replaced(tmp_path: Path):
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "thesis.txt").write_text("1")
+    (tmp_path / "file").write_text("2")
+    for name in ("precious", "file"):
+        with pytest.raises(OutputError, match="is no folder that wrenchflow made"):
+            output_folder(tmp_path / name, overwrite=True).__enter__()
+    assert names(tmp_path) == ["file", "precious", "precious/thesis.txt"]
+
+
+def test_what_is_read_is_never_replaced(tmp_path: Path):
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "manifest.json").write_text("{}")
+    for out in (run, tmp_path):
+        with pytest.raises(OutputError, match=r"would replace what is read"):
+            output_folder(out, overwrite=True, reads=[run]).__enter__()
+    assert names(tmp_path) == ["run", "run/manifest.json"]
+
+
+def test_the_folder_that_one_is_in_is_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "manifest.json").write_text("{}")
+    monkeypatch.chdir(tmp_path / "sub")
+    for out in (Path("."), Path(".."), Path("")):
+        with pytest.raises(OutputError, match="the folder that this runs in"):
+            output_folder(out, overwrite=True).__enter__()
+    assert names(tmp_path) == ["manifest.json", "sub"]
+
+
+def test_two_runs_never_write_into_one_folder(tmp_path: Path):
+    with output_folder(tmp_path / "out") as folder:
+        (folder / "a.txt").write_text("1")
+        with pytest.raises(OutputError, match="is being written by another run"):
+            output_folder(tmp_path / "out").__enter__()
+        assert (folder / "a.txt").exists()
+    assert names(tmp_path) == ["out", "out/a.txt"]

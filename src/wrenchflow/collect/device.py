@@ -1,10 +1,13 @@
 """What a teleoperation device is, and how its axes become a twist of the target. Real and emulated ones share it."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int64
+
+from wrenchflow.errors import ConfigError
 
 
 @runtime_checkable
@@ -27,6 +30,18 @@ class TwistMap:
     deadzone: float = 0.05  # share of the full scale
     linear_max_m_s: float = 0.20
     angular_max_rad_s: float = 0.8
+
+    def __post_init__(self) -> None:
+        if self.full_scale_counts < 1 or not 0.0 <= self.deadzone < 1.0:
+            raise ConfigError(
+                f"a twist map takes full_scale_counts of 1 or more and a deadzone from 0 to below 1, got "
+                f"{self.full_scale_counts} and {self.deadzone:g}."
+            )
+        if not (0.0 < self.linear_max_m_s < math.inf and 0.0 < self.angular_max_rad_s < math.inf):
+            raise ConfigError(
+                f"a twist map takes speeds above 0, got {self.linear_max_m_s:g} m/s and "
+                f"{self.angular_max_rad_s:g} rad/s."
+            )
 
     @property
     def _limits(self) -> Float[np.ndarray, " 6"]:

@@ -1,6 +1,9 @@
 """What a person may set about control; loads nothing heavy, so that the command line can show it at once."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
+
+from wrenchflow.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -10,6 +13,13 @@ class Impedance:
     translation_n_m: float = 600.0
     rotation_nm_rad: float = 25.0
     damping_ratio: float = 0.9
+
+    def __post_init__(self) -> None:
+        for name, most in (("translation_n_m", 1500.0), ("rotation_nm_rad", 60.0), ("damping_ratio", 2.0)):
+            if not 0.0 < getattr(self, name) <= most:
+                raise ConfigError(
+                    f"impedance.{name} is {getattr(self, name):g}, expected above 0 and {most:g} at most."
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,3 +38,12 @@ class ControlConfig:
     # Shares of the robot's own limits that a command may use: a margin for what happens between two ticks.
     torque_share: float = 0.96
     torque_rate_share: float = 0.5
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name.endswith("_share") and not 0.0 < value <= 1.0:
+                raise ConfigError(f"control.{field.name} is {value:g}, expected above 0 and 1 at most.")
+            may_be_zero = field.name in ("nullspace_nm_rad", "ramp_s")
+            if not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
+                raise ConfigError(f"control.{field.name} is {value:g}, expected a number above 0.")

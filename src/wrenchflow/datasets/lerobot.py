@@ -46,7 +46,7 @@ def write(
     rate_hz = rate_of(steps[0].period_ns)
     if rate_hz.denominator != 1:
         raise DatasetError(f"LeRobot takes a whole number of steps a second, got {rate_hz} Hz.")
-    with output_folder(folder, overwrite=overwrite) as partial:
+    with output_folder(folder, overwrite=overwrite, mark="meta/info.json") as partial:
         (partial / "meta" / "episodes" / "chunk-000").mkdir(parents=True)
         firsts = np.cumsum([0, *(len(one) for one in steps)])
         episodes = [_columns(one, int(firsts[i]), i, int(rate_hz)) for i, one in enumerate(steps)]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from wrenchflow.episode import Episode
 from wrenchflow.filtering import lowpass
@@ -90,6 +89,8 @@ def paired_p_value(first: Sequence[Verdict], second: Sequence[Verdict]) -> float
     Source: McNemar, *Note on the sampling error of the difference between correlated proportions* (1947).
     """
     pairs = [(a.success, b.success) for a, b in zip(first, second, strict=True)]
+    from scipy.stats import binomtest  # Two seconds of import, which no worker has to pay.
+
     only_first, only_second = pairs.count((True, False)), pairs.count((False, True))
     if only_first + only_second == 0:
         return 1.0

@@ -1,6 +1,7 @@
 """The stage `deploy`: a run folder's policy on a task, many times, recorded and judged."""
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -57,7 +58,14 @@ class _Batch:
         return verdicts
 
 
-def evaluate(run: Path, config: DeployConfig, *, jobs: int = 1, folder: Path | None = None) -> Iterator[Verdict]:
+def evaluate(
+    run: Path,
+    config: DeployConfig,
+    *,
+    jobs: int = 1,
+    folder: Path | None = None,
+    executor: Executor | None = None,
+) -> Iterator[Verdict]:
     """Let a policy try `config.episodes` times.
 
     Args:
@@ -65,6 +73,7 @@ def evaluate(run: Path, config: DeployConfig, *, jobs: int = 1, folder: Path | N
         config: Task, seed, limits.
         jobs: Worker processes.
         folder: Where each attempt is recorded; None records nothing.
+        executor: Used in place of worker processes of its own.
 
     Yields:
         One verdict an attempt, in order.
@@ -73,12 +82,18 @@ def evaluate(run: Path, config: DeployConfig, *, jobs: int = 1, folder: Path | N
     batches = [
         range(start, min(start + config.batch, config.episodes)) for start in range(0, config.episodes, config.batch)
     ]
-    for verdicts in map_episodes(_Batch(run, config, folder), batches, jobs=jobs):
+    for verdicts in map_episodes(_Batch(run, config, folder), batches, jobs=jobs, executor=executor):
         yield from verdicts
 
 
 def deploy_folder(
-    run: Path, out: Path, config: DeployConfig, *, jobs: int = 1, overwrite: bool = False
+    run: Path,
+    out: Path,
+    config: DeployConfig,
+    *,
+    jobs: int = 1,
+    overwrite: bool = False,
+    executor: Executor | None = None,
 ) -> Iterator[Verdict]:
     """Deploy a run's policy, and write `<id>.mcap`, `evaluation.json` and `manifest.json`.
 
@@ -88,6 +103,7 @@ def deploy_folder(
         config: Task, seed, limits.
         jobs: Worker processes.
         overwrite: Replace a folder that is there.
+        executor: Used in place of worker processes of its own.
 
     Yields:
         One verdict an attempt, in order.
@@ -99,9 +115,9 @@ def deploy_folder(
     from wrenchflow.policy.checkpoint import load_policy
 
     load_policy(run)  # A run that cannot be loaded is refused here, before workers start.
-    with output_folder(out, overwrite=overwrite) as folder:
+    with output_folder(out, overwrite=overwrite, reads=[run]) as folder:
         verdicts = []
-        for verdict in evaluate(run, config, jobs=jobs, folder=folder):
+        for verdict in evaluate(run, config, jobs=jobs, folder=folder, executor=executor):
             verdicts.append(verdict)
             yield verdict
         attempts = [asdict(verdict) for verdict in verdicts]

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from wrenchflow.config import to_mapping
 from wrenchflow.episode import Episode
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import OutputError, RecordingError, WrenchflowError
+from wrenchflow.errors import RecordingError, WrenchflowError
 from wrenchflow.filtering import CausalLowpass
 from wrenchflow.manifest import output_folder, write_manifest
 from wrenchflow.process.calibration import bias_window, estimate_bias
@@ -133,9 +133,7 @@ def process_folder(
     paths = sorted(raw.glob("*.mcap"))
     if not paths:
         raise RecordingError(f"folder '{raw}' holds no *.mcap to process.")
-    if raw.resolve().is_relative_to(out.resolve()):
-        raise OutputError(f"output '{out}' would replace what is read, '{raw}'. Choose another place.")
-    with output_folder(out, overwrite=overwrite) as folder:
+    with output_folder(out, overwrite=overwrite, reads=[raw]) as folder:
         qualities = []
         for quality in map_episodes(partial(_process_file, folder, config), paths, jobs=jobs, executor=executor):
             qualities.append(quality)

@@ -34,7 +34,7 @@ def train_folder(dataset: Path, out: Path, config: TrainConfig, *, overwrite: bo
         OutputError: If `out` exists and may not be replaced.
         DatasetError: If the data set cannot be read or trained on.
     """
-    with output_folder(out, overwrite=overwrite) as folder:
+    with output_folder(out, overwrite=overwrite, reads=[dataset]) as folder:
         write_json(folder / CONFIG, to_mapping(config))
         with (
             closing(train_policy(load_steps(dataset), config)) as training,
