@@ -111,6 +111,7 @@ def test_in_deploy(chain, tmp_path):
     interrupted(tmp_path, deploy, some(tmp_path, "out.partial"), whole_group=True)
 
 
+@pytest.mark.slow
 def test_in_quickstart_while_its_policies_train(tmp_path):
     quickstart = ["quickstart", "out", "--episodes", 2, "--train-steps", 1_000_000, "--jobs", 2]
     ready = some(tmp_path, "out/run*.partial/metrics.jsonl")
