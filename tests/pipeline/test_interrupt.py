@@ -16,6 +16,14 @@ COMMAND = str(Path(sys.executable).with_name("wrenchflow"))
 PATIENCE_S = 120.0
 
 
+@pytest.fixture(autouse=True)
+def _somebody_at_the_keyboard():
+    # A shell that runs tests in the background has them ignore Ctrl-C, and every command that they start with them.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def wait_until(condition: Callable[[], bool], running: subprocess.Popen[str], what: str) -> None:
     stop_s = time.monotonic() + PATIENCE_S
     while not condition():
