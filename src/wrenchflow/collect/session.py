@@ -2,9 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,11 +22,9 @@ from wrenchflow.manifest import output_folder, write_manifest
 from wrenchflow.observation import MEAN_NS
 from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.writer import write_episode
-from wrenchflow.rig import Rig, load_rig
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.streams import streams_of
-from wrenchflow.sim.tasks import make_task
-from wrenchflow.sim.tasks.task import Task
+from wrenchflow.sim.tasks import scenery
 from wrenchflow.spatial import exp_so3, make_pose, rotation_of
 
 OPERATORS = ("scripted", "blind-spiral")
@@ -41,13 +37,6 @@ class Demonstration:
     id: str
     samples: int
     outcome: Outcome
-
-
-@cache
-def _scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
-    # One model serves every episode of a process: nothing writes to it.
-    loaded, made = load_rig(rig), make_task(task)
-    return made, loaded, made.make_model(loaded)
 
 
 def make_operator(name: str, config: CollectConfig) -> Operator:
@@ -71,7 +60,7 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
         config: Task, operator, device and gains.
         scenes: `DEMONSTRATE`, or `EVALUATE` for an operator that is compared with a policy on the policy's scenes.
     """
-    task, rig, model = _scenery(config.task, config.rig)
+    task, rig, model = scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
     attempt = Attempt(
         task,
@@ -193,7 +182,7 @@ def collect_folder(
         OutputError: If `out` is there, and may not be replaced.
         ConfigError: For a task, operator or rig that does not exist.
     """
-    _scenery(config.task, config.rig)
+    scenery(config.task, config.rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
         yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs)

@@ -3,9 +3,7 @@
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from wrenchflow.config import to_mapping
 from wrenchflow.deploy.config import DeployConfig
@@ -13,17 +11,9 @@ from wrenchflow.deploy.evaluation import Verdict, judge, summarise
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.manifest import output_folder, write_json, write_manifest
 from wrenchflow.recording.writer import write_episode
-from wrenchflow.rig import Rig, load_rig
-from wrenchflow.sim.tasks import make_task
-from wrenchflow.sim.tasks.task import Task
+from wrenchflow.sim.tasks import scenery
 
 EVALUATION = "evaluation.json"
-
-
-@cache
-def _scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
-    loaded, made = load_rig(rig), make_task(task)
-    return made, loaded, made.make_model(loaded)
 
 
 @dataclass(frozen=True)
@@ -44,7 +34,7 @@ class _Batch:
         torch.set_num_threads(1)
         policy = load_policy(self.run)
         acting = WithoutForceInput(policy) if self.config.wrench_input == "zeroed" else policy
-        task, rig, model = _scenery(self.config.task, self.config.rig)
+        task, rig, model = scenery(self.config.task, self.config.rig)
         verdicts = []
         for episode in roll_out(indices, acting, task, model, rig, self.config):
             verdict = judge(
@@ -78,7 +68,7 @@ def evaluate(
     Yields:
         One verdict an attempt, in order.
     """
-    _scenery(config.task, config.rig)
+    scenery(config.task, config.rig)
     batches = [
         range(start, min(start + config.batch, config.episodes)) for start in range(0, config.episodes, config.batch)
     ]

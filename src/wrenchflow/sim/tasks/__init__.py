@@ -1,6 +1,10 @@
 """The contact tasks, by name."""
 
+from functools import cache
+from typing import Any
+
 from wrenchflow.errors import ConfigError, unknown
+from wrenchflow.rig import Rig, load_rig
 from wrenchflow.sim.tasks.task import Task
 
 NAMES = ("peg-insertion",)
@@ -17,3 +21,10 @@ def make_task(name: str) -> Task:
 
         return PegInsertion()
     raise ConfigError(unknown("task", name, NAMES))
+
+
+@cache
+def scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
+    """A task, a rig and the model of both; one serves every episode of a process, for nothing writes to it."""
+    made, loaded = make_task(task), load_rig(rig)
+    return made, loaded, made.make_model(loaded)
