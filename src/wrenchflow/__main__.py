@@ -1,8 +1,24 @@
-"""`python -m wrenchflow`."""
+"""The door: `wrenchflow` and `python -m wrenchflow`."""
 
+import os
 import sys
 
-from wrenchflow.cli import main
+
+def main() -> int:
+    """Load the command line and run it; Ctrl-C is answered in one line even while it loads."""
+    try:
+        from wrenchflow.cli import main as command_line
+
+        code = command_line()
+        sys.stdout.flush()  # Here and not at exit, where a reader that has gone cannot be answered any more.
+        return code
+    except KeyboardInterrupt:
+        sys.stderr.write("wrenchflow: interrupted.\n")
+        return 130
+    except BrokenPipeError:  # Whoever read our output, `head` for one, has seen enough; the rest goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
 
 if __name__ == "__main__":  # Spawned workers import this module again, and must not run it.
     sys.exit(main())

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchflow.errors import RecordingError
+from wrenchflow.manifest import NAME, read_json, read_manifest
 
 KINDS = "a recording (.mcap), a data set (robomimic .hdf5 or LeRobot folder), or a folder that a stage wrote"
 
@@ -17,18 +18,32 @@ def describe(path: Path) -> dict[str, Any]:
     Raises:
         RecordingError: If there is nothing at `path`, or nothing of a known kind.
         DatasetError: If it is a data set that cannot be read.
+        CheckpointError: If it is a run whose policy cannot be loaded.
     """
     if not path.exists():
         raise RecordingError(f"'{path}' does not exist. Expected {KINDS}.")
     if path.suffix == ".mcap":
         return _recording(path)
+    if path.name == "evaluation.json":
+        return {"kind": "evaluation", **_evaluation(path)}
     if path.suffix in (".hdf5", ".h5") or (path / "meta" / "info.json").exists():
         return _dataset(path)
-    if (path / "manifest.json").exists():
+    if (path / NAME).exists():
         return _folder(path)
     exported = [file.name.removesuffix(_EXPORTED) for file in sorted(path.glob("*" + _EXPORTED))]
     if exported:
         return {**_dataset(path), "format": ", ".join(exported)}
+    if (path / "policy.json").exists():
+        return {"kind": "run", "policy": _policy(path)}
+    if path.is_dir() and (recordings := sorted(path.glob("*.mcap"))):
+        return {
+            "kind": "folder of recordings",
+            "recordings": len(recordings),
+            "size_bytes": sum(file.stat().st_size for file in recordings),
+        }
+    stages = {name.parent.name: describe(name.parent) for name in sorted(path.glob(f"*/{NAME}"))}
+    if stages:
+        return {"kind": "folder of stages", **stages}
     raise RecordingError(f"'{path}' is of no kind that is known here. Expected {KINDS}.")
 
 
@@ -70,8 +85,6 @@ def _dataset(path: Path) -> dict[str, Any]:
 
 
 def _folder(path: Path) -> dict[str, Any]:
-    from wrenchflow.manifest import read_manifest
-
     manifest = read_manifest(path)
     files = sorted(file for file in path.rglob("*") if file.is_file())
     described = {
@@ -83,6 +96,31 @@ def _folder(path: Path) -> dict[str, Any]:
         "versions": manifest["versions"],
     }
     if (path / "evaluation.json").exists():
-        evaluation = json.loads((path / "evaluation.json").read_text())
-        described["evaluation"] = {key: value for key, value in evaluation.items() if key != "attempts_by_id"}
+        described["evaluation"] = _evaluation(path / "evaluation.json")
+    if (path / "policy.json").exists():
+        described["policy"] = _policy(path)
     return described
+
+
+def _evaluation(path: Path) -> dict[str, Any]:
+    return {key: value for key, value in read_json(path).items() if key != "attempts_by_id"}
+
+
+def _policy(path: Path) -> dict[str, Any]:
+    from wrenchflow.policy.checkpoint import load_policy
+
+    policy = load_policy(path)
+    metrics = path / "metrics.jsonl"
+    rows = metrics.read_text().splitlines() if metrics.exists() else []
+    last = json.loads(rows[-1]) if rows else {}
+    return {
+        "network": policy.config.network,
+        "objective": policy.config.objective,
+        "weights": sum(weight.numel() for weight in policy.network.parameters()),
+        "sees": list(policy.features.groups),
+        "n_obs_steps": policy.n_obs_steps,
+        "horizon": policy.config.horizon,
+        "rate_hz": round(1e9 / policy.period_ns, 3),
+        "updates": last.get("step"),
+        "valid_position_error_m": last.get("valid_position_error_m"),
+    }

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -58,15 +59,24 @@ def worker_pool(jobs: int) -> Iterator[Executor]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait: workers that start meanwhile never see it, not even before they can say that they ignore it."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows.
-        yield
+    """Let Ctrl-C wait: what starts workers is not torn in half by it, and they never see it.
+
+    Workers inherit that it is blocked, so they ignore it even before they can say so. For this process blocking it is
+    not enough: another thread may take it, and Python then raises it here all the same.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "pthread_sigmask"):
+        yield  # Only the main thread is ever interrupted; Windows has no signal masks.
         return
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) or signal.SIG_DFL
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _submit_all[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor) -> deque[Future[R]]:

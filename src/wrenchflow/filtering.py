@@ -20,11 +20,12 @@ def design(cutoff_hz: float, rate_hz: float, order: int = ORDER) -> Float[np.nda
     Raises:
         ConfigError: If the cutoff is not between 0 and half the sample rate, or the order is below 1.
     """
-    if order < 1 or not 0.0 < cutoff_hz < 0.5 * rate_hz:
+    if not 0.0 < cutoff_hz < 0.5 * rate_hz:
         raise ConfigError(
-            f"a low-pass takes an order of 1 or more and a cutoff between 0 and half the rate of {rate_hz:g} Hz, "
-            f"got order {order} and {cutoff_hz:g} Hz."
+            f"cutoff_hz is {cutoff_hz:g}, expected above 0 and below half the rate of {rate_hz:g} Hz of the samples."
         )
+    if order < 1:
+        raise ConfigError(f"order is {order}, expected 1 or more.")
     return np.ascontiguousarray(signal.butter(order, cutoff_hz, fs=rate_hz, output="sos"))
 
 

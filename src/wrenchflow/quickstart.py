@@ -19,7 +19,7 @@ from wrenchflow.deploy.evaluation import Verdict, judge, paired_p_value, spread,
 from wrenchflow.deploy.run import deploy_folder, evaluate
 from wrenchflow.episodes_map import map_episodes, worker_pool
 from wrenchflow.errors import OutputError
-from wrenchflow.manifest import versions
+from wrenchflow.manifest import NAME, read_manifest, versions
 from wrenchflow.present import write_evaluation_page, write_quickstart_page
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.pipeline import process_folder
@@ -60,8 +60,11 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
         The figures that `--json` prints.
 
     Raises:
-        OutputError: If `out` holds any of its outputs already.
+        OutputError: If `out` holds any of its outputs already, or is another stage's.
     """
+    if (out / NAME).exists():
+        stage = read_manifest(out)["stage"]
+        raise OutputError(f"output '{out}' is a folder that '{stage}' wrote. Choose another place.")
     there = [name for name in _OUTPUTS if (out / name).exists()]
     if there and not overwrite:
         raise OutputError(

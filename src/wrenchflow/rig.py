@@ -99,6 +99,8 @@ def load_rig(name_or_path: str) -> Rig:
         with resources.as_file(resources.files("wrenchflow") / f"{name_or_path}.toml") as path:
             return load(Rig, path)
     path = Path(name_or_path)
+    if path.suffix != ".toml" and path.exists():
+        raise ConfigError(f"rig '{name_or_path}' is no .toml file. Built in: {', '.join(BUILT_IN)}.")
     if path.suffix != ".toml":
         raise ConfigError(f"{unknown('rig', name_or_path, BUILT_IN)} A rig of your own is named by its .toml file.")
     return load(Rig, path)

@@ -27,7 +27,7 @@ MAY_IMPORT = {
     "deploy": {"base", "recording", "control", "sim", "policy", "process"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
-COMMAND_LINE = {"cli", "__main__", "describe", "quickstart", "quickstart_config", "present"}
+COMMAND_LINE = {"cli", "commands", "told", "__main__", "describe", "quickstart", "quickstart_config", "present"}
 # A package that is heavy, or not everywhere: the rooms that may import it.
 ONLY_IN = {
     "mujoco": {"sim"},

@@ -64,6 +64,12 @@ class Chain:
 
 
 @pytest.fixture(scope="session")
+def tiny() -> tuple[str, ...]:
+    """Flags of that network."""
+    return TINY
+
+
+@pytest.fixture(scope="session")
 def chain(wrenchflow, tmp_path_factory) -> Chain:
     """Six demonstrations, processed, exported twice, learned from and deployed: every stage by its own command."""
     at = tmp_path_factory.mktemp("chain")

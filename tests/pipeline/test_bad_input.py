@@ -51,13 +51,15 @@ def bad(chain, tmp_path_factory) -> Path:
     cut(at / "truncated.hdf5")
     with h5py.File(at / "other.hdf5", "w") as file:
         file["something"] = np.zeros(3)
-    for name in ("cut_run", "unfit_run", "blind_run"):
+    for name in ("cut_run", "unfit_run", "blind_run", "slow_run"):
         shutil.copytree(at / "run", at / name)
     cut(at / "cut_run" / "weights.safetensors")
     description = at / "unfit_run" / "policy.json"
     description.write_text(description.read_text().replace('"width": 32', '"width": 64'))
     description = at / "blind_run" / "policy.json"
     description.write_text(description.read_text().replace('"wrench_mean"', '"wrench_meen"'))
+    description = at / "slow_run" / "policy.json"
+    description.write_text(description.read_text().replace('"period_ns": 50000000', '"period_ns": 100000000'))
 
     (at / "unknown_key.toml").write_text("episods = 3\n")
     (at / "unknown_nested_key.toml").write_text("[policy.mlp]\nwidht = 3\n")

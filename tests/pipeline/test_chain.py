@@ -1,6 +1,7 @@
 """The whole chain through the real command line, twice: it fits together, and a seed is every byte it leaves."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -60,6 +61,8 @@ def test_each_stage_leaves_its_files_and_nothing_half_done(chain):
         ("dataset/lerobot", "data set"),
         ("run", "folder of train"),
         ("rollouts", "folder of deploy"),
+        ("rollouts/evaluation.json", "evaluation"),
+        (".", "folder of stages"),
     ],
 )
 def test_info_knows_everything_that_a_stage_leaves(chain, wrenchflow, path, kind):
@@ -67,6 +70,19 @@ def test_info_knows_everything_that_a_stage_leaves(chain, wrenchflow, path, kind
     text = wrenchflow("info", chain.folder / path)
     assert text.code == 0
     assert kind in text.stdout.splitlines()[0]
+
+
+def test_info_looks_into_a_run_and_into_folders_without_a_manifest(chain, wrenchflow, tmp_path):
+    about = wrenchflow("info", chain.folder / "run", "--json").result["policy"]
+    assert (about["updates"], about["rate_hz"], about["network"]) == (300, 20.0, "mlp")
+    for name in ("policy.json", "weights.safetensors"):
+        shutil.copy(chain.folder / "run" / name, tmp_path / name)
+    copied = wrenchflow("info", tmp_path, "--json").result
+    assert copied["kind"] == "run"
+    assert copied["policy"]["weights"] == about["weights"]
+    (tmp_path / "loose").mkdir()
+    shutil.copy(min((chain.folder / "raw").glob("*.mcap")), tmp_path / "loose")
+    assert wrenchflow("info", tmp_path / "loose", "--json").result["recordings"] == 1
 
 
 @pytest.mark.parametrize("stage", ["raw", "clean", "rollouts"])
@@ -118,14 +134,21 @@ def test_a_config_file_gives_the_flags_values_and_a_flag_beats_it(chain, wrenchf
     at = (chain.folder / "dataset", tmp_path / "run")
     ran = wrenchflow("train", *at, "--config", tmp_path / "train.toml", "--steps", 10, "--threads", 1, "--json")
     assert ran.result["steps"] == 10
+    assert wrenchflow("train", *at, f"--config={tmp_path / 'train.toml'}", "--steps", 10, "--overwrite").code == 0
     config = json.loads((tmp_path / "run" / "config.json").read_text())
     assert (config["steps"], config["seed"], config["policy"]["mlp"]["width"]) == (10, 3, 16)
 
 
-def test_the_lerobot_data_set_trains_too(chain, wrenchflow, tmp_path):
+def test_training_goes_on_from_another_run_and_says_which(chain, wrenchflow, tiny, tmp_path):
+    on = ("train", chain.folder / "dataset", tmp_path / "run", "--start", chain.folder / "run", *tiny)
+    assert wrenchflow(*on, "--steps", 10).code == 0
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert {"robomimic.hdf5", "weights.safetensors"} <= set(manifest["inputs"])
+
+
+def test_the_lerobot_data_set_trains_too(chain, wrenchflow, tiny, tmp_path):
     lerobot = chain.folder / "dataset" / "lerobot"
-    small = ("--threads", 1, "--policy.mlp.width", 32, "--policy.mlp.layers", 1, "--batch-size", 64)
-    assert wrenchflow("train", lerobot, tmp_path / "run", "--steps", 300, *small).code == 0
+    assert wrenchflow("train", lerobot, tmp_path / "run", "--steps", 300, *tiny).code == 0
     # Both formats hold the same steps, so the same seed makes the same policy of either.
     for name in ("weights.safetensors", "policy.json"):
         assert (tmp_path / "run" / name).read_bytes() == (chain.folder / "run" / name).read_bytes()

@@ -11,11 +11,11 @@ import pytest
 
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import collect_folder, demonstrate, make_operator, moved
-from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.errors import CalibrationError, ConfigError, OutputError
 from wrenchflow.manifest import read_manifest
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.sim.attempt import Attempt, episode_id
+from wrenchflow.sim.config import AttemptConfig
 from wrenchflow.spatial import compose, inverse, rotation_of
 
 CONFIG = CollectConfig(seed=11)
@@ -175,14 +175,14 @@ def test_names_that_do_not_exist_are_refused_before_anything_is_written(tmp_path
 def test_a_tool_that_is_touched_during_the_tare_is_not_tared(peg, peg_model, rig):
     from wrenchflow.collect.session import _Session
 
-    attempt = Attempt(peg, peg_model, rig, seed=(0, 0), tare_s=1.0, impedance=Impedance(), control=ControlConfig())
+    attempt = Attempt(peg, peg_model, rig, AttemptConfig(), seed=(0, 0))
     attempt.plant.rows["wrench_raw"][700:, 2] += 8.0
     with pytest.raises(CalibrationError):
         _Session(attempt, make_operator("scripted", CONFIG), CONFIG)
 
 
 def test_an_attempt_ends_at_its_time_limit_with_the_name_of_its_failure(peg, peg_model, rig):
-    attempt = Attempt(peg, peg_model, rig, seed=(0, 1), tare_s=0.5, impedance=Impedance(), control=ControlConfig())
+    attempt = Attempt(peg, peg_model, rig, AttemptConfig(tare_s=0.5), seed=(0, 1))
     assert not attempt.over
     assert attempt.elapsed_s == pytest.approx(0.001)  # The tick whose force came after the tare.
     while not attempt.over:

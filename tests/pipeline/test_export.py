@@ -136,7 +136,7 @@ def test_bad_input_is_said_in_one_line(clean, tmp_path):
     with pytest.raises(RecordingError, match="does not exist"):
         export(folder=tmp_path / "nowhere")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RecordingError, match=r"holds no \*\.mcap to export"):
+    with pytest.raises(RecordingError, match=r"holds no \*\.mcap, got nothing"):
         export(folder=tmp_path / "empty")
     raw = recording(5)
     streams = {name: stream for name, stream in raw.streams.items() if name != "wrench"}

@@ -133,3 +133,25 @@ def test_a_data_set_is_there_when_it_is_whole_and_not_before(many):
     export = ["export", "robomimic", "clean", "out", "--jobs", 2]
     interrupted(many, export, lambda: time.monotonic() > start_s + 4.0, whole_group=True)
     assert not (many / "out" / "robomimic.hdf5").exists()
+
+
+def test_ctrl_c_while_the_command_line_loads():
+    program = (
+        "import sys\n"
+        "class Hand:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'tyro': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Hand())\n"
+        "from wrenchflow.__main__ import main\n"
+        "sys.exit(main())"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "wrenchflow: interrupted.\n")
+
+
+def test_a_reader_that_has_gone_gets_no_traceback():
+    reading, writing = os.pipe()
+    os.close(reading)
+    ran = subprocess.run([COMMAND, "--help"], stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (ran.returncode, ran.stderr) == (141, "")

@@ -101,7 +101,7 @@ def test_an_empty_window_has_no_mean_and_its_edges_are_open_then_closed():
 
 @pytest.mark.parametrize(("cutoff_hz", "order"), [(0.0, 4), (500.0, 4), (-1.0, 4), (float("nan"), 4), (40.0, 0)])
 def test_an_impossible_filter_is_refused(cutoff_hz: float, order: int):
-    with pytest.raises(ConfigError, match="half the rate of 1000 Hz"):
+    with pytest.raises(ConfigError, match=r"cutoff_hz is|order is 0"):
         CausalLowpass(cutoff_hz, 1000.0, order)
 
 

@@ -1,4 +1,6 @@
 import multiprocessing
+import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -88,3 +90,27 @@ def test_an_error_or_a_listener_who_leaves_ends_worker_processes_that_are_busy()
     assert next(results) is None
     results.close()  # pyright: ignore[reportAttributeAccessIssue]
     assert multiprocessing.active_children() == []
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no signal masks")
+def test_ctrl_c_waits_until_the_work_is_handed_out_whichever_thread_it_reaches():
+    handed_out: list[int] = []
+
+    class Slow(ThreadPoolExecutor):
+        def submit(self, function, /, *arguments):
+            if not handed_out:
+                os.kill(os.getpid(), signal.SIGINT)  # Any thread of this process may take it; one is resting.
+                time.sleep(0.05)
+            handed_out.append(1)
+            return super().submit(function, *arguments)
+
+    rest = threading.Event()
+    threading.Thread(target=rest.wait, daemon=True).start()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with Slow(1) as executor, pytest.raises(KeyboardInterrupt):
+            list(map_episodes(abs, range(5), executor=executor))
+    finally:
+        signal.signal(signal.SIGINT, before)
+        rest.set()
+    assert len(handed_out) == 5

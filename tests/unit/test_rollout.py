@@ -7,7 +7,6 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.datasets.grid import to_steps
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.rollout import Rollout, roll_out
@@ -22,6 +21,7 @@ from wrenchflow.process.pipeline import process_episode
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.writer import write_episode
 from wrenchflow.sim.attempt import EVALUATE, Attempt
+from wrenchflow.sim.config import AttemptConfig
 
 MS = 1_000_000
 
@@ -60,15 +60,7 @@ def short(peg):
 
 @pytest.fixture
 def attempt(short, peg_model, rig):
-    return Attempt(
-        short,
-        peg_model,
-        rig,
-        seed=(0, 3, EVALUATE),
-        tare_s=1.0,
-        impedance=Impedance(),
-        control=ControlConfig(),
-    )
+    return Attempt(short, peg_model, rig, AttemptConfig(), seed=(0, 3, EVALUATE))
 
 
 def run(rollout: Rollout, policy: Policy, latency_ns: int = 0) -> None:
@@ -220,5 +212,5 @@ def test_zeroed_force_changes_what_a_network_does_only_through_its_input(untrain
 
 @pytest.mark.parametrize("change", [{"episodes": 0}, {"batch": 0}, {"latency_s": -0.1}, {"tare_s": float("nan")}])
 def test_a_deployment_that_makes_no_sense_is_refused(change):
-    with pytest.raises(ConfigError, match=f"deploy.{next(iter(change))} is"):
+    with pytest.raises(ConfigError, match=f"{next(iter(change))} is"):
         DeployConfig(**change)

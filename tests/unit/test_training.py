@@ -12,7 +12,7 @@ import torch
 from wrenchflow.datasets import robomimic
 from wrenchflow.datasets.keys import About
 from wrenchflow.datasets.split import validation_ids
-from wrenchflow.errors import ConfigError, DatasetError, OutputError
+from wrenchflow.errors import CheckpointError, ConfigError, DatasetError, OutputError
 from wrenchflow.observation import OBSERVATIONS, Steps
 from wrenchflow.policy.checkpoint import load_policy
 from wrenchflow.policy.config import DiffusionConfig, MlpConfig, PolicyConfig, UnetConfig
@@ -65,8 +65,8 @@ def steps() -> list[Steps]:
     return [felt_episode(index) for index in range(20)]
 
 
-def trained(steps: list[Steps], config: TrainConfig) -> LearnedPolicy:
-    training = train_policy(steps, config)
+def trained(steps: list[Steps], config: TrainConfig, start: LearnedPolicy | None = None) -> LearnedPolicy:
+    training = train_policy(steps, config, start)
     while True:
         try:
             next(training)
@@ -139,6 +139,29 @@ def test_the_normaliser_has_not_seen_held_out_episodes(steps):
     ]
     assert held_out
     assert trained(far, BRIEF).actions.normaliser == trained(steps, BRIEF).actions.normaliser
+
+
+def test_training_goes_on_from_another_policy_and_leaves_it_as_it_was(steps):
+    start = trained(steps, dataclasses.replace(SMALL, steps=200))
+    before = {name: value.clone() for name, value in start.network.state_dict().items()}
+    brief = dataclasses.replace(BRIEF, learning_rate=1e-5, warmup_steps=0)
+    on = [row.metrics for row in train_policy(steps, brief, start)][-1]
+    anew = last_row(steps, brief)
+    assert on.valid_position_error_m < 0.5 * anew.valid_position_error_m
+    # The scales stay those that the weights were trained with, whatever the new episodes would say.
+    moved = [dataclasses.replace(one, actions=one.actions * np.float32(1.5)) for one in steps]
+    assert trained(moved, brief, start).actions.normaliser == start.actions.normaliser
+    assert all(torch.equal(before[name], value) for name, value in start.network.state_dict().items())
+
+
+def test_training_goes_on_only_from_a_policy_of_the_same_make(steps):
+    start = trained(steps, BRIEF)
+    wider = dataclasses.replace(BRIEF, policy=dataclasses.replace(BRIEF.policy, horizon=4))
+    with pytest.raises(CheckpointError, match=r"its policy\.horizon is 2, expected 4"):
+        trained(steps, wider, start)
+    slower = [dataclasses.replace(one, t=2 * one.t, period_ns=2 * PERIOD_NS) for one in steps]
+    with pytest.raises(CheckpointError, match="a step every 100000000 ns, expected every 50000000 ns"):
+        trained(slower, BRIEF, start)
 
 
 def test_rate_warms_up_and_ends_near_zero():

@@ -62,15 +62,7 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
     """
     task, rig, model = scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
-    attempt = Attempt(
-        task,
-        model,
-        rig,
-        seed=(config.seed, index, scenes),
-        tare_s=config.tare_s,
-        impedance=config.impedance,
-        control=config.control,
-    )
+    attempt = Attempt(task, model, rig, config, seed=(config.seed, index, scenes))
     session = _Session(attempt, operator, config)
     while not attempt.over:
         session.period()

@@ -12,10 +12,10 @@ from wrenchflow.datasets.grid import STREAMS, is_success, to_steps
 from wrenchflow.datasets.keys import About
 from wrenchflow.datasets.load import LEROBOT_NAME, ROBOMIMIC_NAME
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import ConfigError, DatasetError, OutputError, RecordingError, unknown
+from wrenchflow.errors import ConfigError, DatasetError, OutputError, unknown
 from wrenchflow.manifest import write_manifest
 from wrenchflow.observation import Steps
-from wrenchflow.recording.reader import read_episode
+from wrenchflow.recording.reader import find_recordings, read_episode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,11 +86,9 @@ def export_folder(
     target = out / FORMATS[format].name
     if target.exists() and not overwrite:
         raise OutputError(f"output '{target}' exists already. Choose another place, or pass --overwrite.")
-    if not clean.is_dir():
-        raise RecordingError(f"folder '{clean}' does not exist.")
-    paths = sorted(clean.glob("*.mcap"))
-    if not paths:
-        raise RecordingError(f"folder '{clean}' holds no *.mcap to export.")
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"output '{out}' is a file, expected a folder. Choose another place.")
+    paths = find_recordings(clean)
     about: About | None = None
     kept: list[Steps] = []
     for sampled in map_episodes(partial(_sample, config), paths, jobs=jobs):

@@ -117,15 +117,7 @@ def roll_out(
     """
     rollouts = [
         Rollout(
-            Attempt(
-                task,
-                model,
-                rig,
-                seed=(config.seed, index, EVALUATE),
-                tare_s=config.tare_s,
-                impedance=config.impedance,
-                control=config.control,
-            ),
+            Attempt(task, model, rig, config, seed=(config.seed, index, EVALUATE)),
             policy,
         )
         for index in indices

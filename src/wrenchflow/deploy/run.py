@@ -9,6 +9,7 @@ from wrenchflow.config import to_mapping
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.evaluation import Verdict, judge, summarise
 from wrenchflow.episodes_map import map_episodes
+from wrenchflow.errors import ConfigError
 from wrenchflow.manifest import output_folder, write_json, write_manifest
 from wrenchflow.recording.writer import write_episode
 from wrenchflow.sim.tasks import scenery
@@ -67,8 +68,16 @@ def evaluate(
 
     Yields:
         One verdict an attempt, in order.
+
+    Raises:
+        ConfigError: For an unknown task or rig, or a latency that no plan arrives within an attempt after.
     """
-    scenery(config.task, config.rig)
+    task, _, _ = scenery(config.task, config.rig)
+    if not config.latency_s < task.time_limit_s:
+        raise ConfigError(
+            f"latency_s is {config.latency_s:g}, expected less than the {task.time_limit_s:g} s "
+            f"that an attempt at {task.name} may last."
+        )
     batches = [
         range(start, min(start + config.batch, config.episodes)) for start in range(0, config.episodes, config.batch)
     ]

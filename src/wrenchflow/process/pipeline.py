@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from wrenchflow.config import to_mapping
 from wrenchflow.episode import Episode
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import RecordingError, WrenchflowError
+from wrenchflow.errors import WrenchflowError
 from wrenchflow.filtering import CausalLowpass
 from wrenchflow.manifest import output_folder, write_manifest
 from wrenchflow.process.calibration import bias_window, estimate_bias
@@ -22,7 +22,7 @@ from wrenchflow.process.filters import causal_wrench, zero_phase_wrench
 from wrenchflow.process.quality import Quality, assess
 from wrenchflow.process.report import report_page
 from wrenchflow.process.stamps import check_even, segments
-from wrenchflow.recording.reader import read_episode
+from wrenchflow.recording.reader import find_recordings, read_episode
 from wrenchflow.recording.writer import write_episode
 from wrenchflow.rig import rig_of
 from wrenchflow.signals import WRENCH
@@ -128,11 +128,7 @@ def process_folder(
         OutputError: If `out` is taken, or holds `raw`.
         WrenchflowError: If an episode is refused. No folder that looks whole is left then.
     """
-    if not raw.is_dir():
-        raise RecordingError(f"folder '{raw}' does not exist.")
-    paths = sorted(raw.glob("*.mcap"))
-    if not paths:
-        raise RecordingError(f"folder '{raw}' holds no *.mcap to process.")
+    paths = find_recordings(raw)
     with output_folder(out, overwrite=overwrite, reads=[raw]) as folder:
         qualities = []
         for quality in map_episodes(partial(_process_file, folder, config), paths, jobs=jobs, executor=executor):

@@ -19,6 +19,23 @@ from wrenchflow.recording.writer import EVENTS, FORMAT_VERSION, META_PREFIX, MET
 from wrenchflow.signals import Signal
 
 
+def find_recordings(folder: Path) -> list[Path]:
+    """The `*.mcap` of a folder, in the order of their names.
+
+    Raises:
+        RecordingError: If it is no folder, or holds none.
+    """
+    if not folder.exists():
+        raise RecordingError(f"folder '{folder}' does not exist.")
+    if not folder.is_dir():
+        raise RecordingError(f"'{folder}' is a file, expected a folder of *.mcap.")
+    paths = sorted(folder.glob("*.mcap"))
+    if not paths:
+        found = ", ".join(sorted(entry.name for entry in folder.iterdir())[:5]) or "nothing"
+        raise RecordingError(f"folder '{folder}' holds no *.mcap, got {found}.")
+    return paths
+
+
 @dataclass(frozen=True, kw_only=True)
 class TopicInfo:
     """What a file says about one topic.

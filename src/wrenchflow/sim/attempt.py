@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from wrenchflow.config import to_mapping
-from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.controller import TICK_S, Controller
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.rig import Rig
 from wrenchflow.signals import POSE
+from wrenchflow.sim.config import AttemptConfig
 from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task
@@ -41,37 +41,33 @@ class Attempt:
         task: Task,
         model: mujoco.MjModel,
         rig: Rig,
+        config: AttemptConfig,
         *,
         seed: tuple[int, ...],
-        tare_s: float,
-        impedance: Impedance,
-        control: ControlConfig,
         measurement: Measurement | None = None,
     ) -> None:
-        """Draw the scene, then let the arm hold its start for `tare_s`.
+        """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
         Args:
             task: What is attempted.
             model: `task.make_model(rig)`; may be shared.
             rig: The robot cell.
+            config: Tare, impedance, limits and gains of the core.
             seed: Every random number comes from these.
-            tare_s: Time at rest; its second half tells the sensor's bias [s].
-            impedance: How stiffly targets are followed.
-            control: Limits and gains of the core.
             measurement: How well the arm knows itself.
         """
         scene_rng, plant_rng, self.rng = np.random.default_rng(seed).spawn(3)
-        self.task, self.rig, self.seed, self._impedance = task, rig, seed, impedance
+        self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
-        capacity_s = tare_s + task.time_limit_s + _MARGIN_S
+        capacity_s = config.tare_s + task.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
-        self.controller = Controller(rig, control)
-        self.plant.begin(self.controller, impedance)
+        self.controller = Controller(rig, config.control)
+        self.plant.begin(self.controller, config.impedance)
         # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
         # who tares now has the very samples that who reads the recording has.
-        rows = self.plant.advance(self.controller, round(tare_s / TICK_S) + 1)
+        rows = self.plant.advance(self.controller, round(config.tare_s / TICK_S) + 1)
         half = len(rows) // 2
         self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
         self.start_ns = self.tare.stop_ns

@@ -1,5 +1,6 @@
 """Trains a policy on the steps of episodes."""
 
+import copy
 import math
 import time
 from collections.abc import Generator, Iterator, Sequence
@@ -8,9 +9,11 @@ from dataclasses import dataclass
 
 import torch
 
+from wrenchflow.config import to_mapping
 from wrenchflow.datasets.split import validation_ids
-from wrenchflow.errors import ConfigError, DatasetError
+from wrenchflow.errors import CheckpointError, ConfigError, DatasetError
 from wrenchflow.observation import ACTION_WIDTH, Steps
+from wrenchflow.policy.checkpoint import require_fit
 from wrenchflow.policy.features import ACTION_COLUMNS, ACTION_FLOORS, PRESETS, Features, encode_actions
 from wrenchflow.policy.learned import LearnedPolicy
 from wrenchflow.policy.normaliser import fit_actions, fit_observations
@@ -59,12 +62,15 @@ class Progress:
     data_s: float
 
 
-def train_policy(steps: Sequence[Steps], config: TrainConfig) -> Generator[Progress, None, LearnedPolicy]:
+def train_policy(
+    steps: Sequence[Steps], config: TrainConfig, start: LearnedPolicy | None = None
+) -> Generator[Progress, None, LearnedPolicy]:
     """Train a policy.
 
     Args:
         steps: One episode each, all of one period.
         config: How.
+        start: A trained policy to go on from, with its weights and its normalisers; it stays as it is.
 
     Yields:
         A row of metrics now and then, and after the last update.
@@ -74,10 +80,14 @@ def train_policy(steps: Sequence[Steps], config: TrainConfig) -> Generator[Progr
 
     Raises:
         DatasetError: If there are no episodes, their periods differ, or one lacks what the policy sees.
+        CheckpointError: If `start` does not fit the episodes, or is made of something else than `config` says.
         ConfigError: If the learning rate is so high that the loss overflows.
     """
     features = Features(PRESETS[config.features])
     period_ns = _require_usable(steps, features)
+    if start is not None:
+        require_fit(start, steps)
+        _require_alike(start, config)
     held_out = validation_ids([episode.episode_id for episode in steps], config.valid_fraction)
     seen = [features.encode(episode.observations) for episode in steps]
     done = [encode_actions(episode.actions, episode.observations["goal_pose"]) for episode in steps]
@@ -96,12 +106,16 @@ def train_policy(steps: Sequence[Steps], config: TrainConfig) -> Generator[Progr
         windows = windows_of(train)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
-            policy = LearnedPolicy(
-                config.policy,
-                features,
-                period_ns,
-                fit_observations(windows.features.numpy(), features.columns, features.floors),
-                fit_actions(windows.actions.numpy(), ACTION_COLUMNS, ACTION_FLOORS),
+            policy = (
+                copy.deepcopy(start).train().requires_grad_()
+                if start is not None
+                else LearnedPolicy(
+                    config.policy,
+                    features,
+                    period_ns,
+                    fit_observations(windows.features.numpy(), features.columns, features.floors),
+                    fit_actions(windows.actions.numpy(), ACTION_COLUMNS, ACTION_FLOORS),
+                )
             )
         return (yield from _updates(policy, windows, windows_of(valid) if valid else None, config))
 
@@ -183,6 +197,21 @@ def _require_usable(steps: Sequence[Steps], features: Features) -> int:
     if len(periods_ns) > 1:
         raise DatasetError(f"episodes have steps every {periods_ns} ns, expected one period for all.")
     return periods_ns[0]
+
+
+def _require_alike(start: LearnedPolicy, config: TrainConfig) -> None:
+    groups = PRESETS[config.features]
+    if start.features.groups != groups:
+        raise CheckpointError(
+            f"the checkpoint sees {', '.join(start.features.groups)}, "
+            f"expected what train.features '{config.features}' is: {', '.join(groups)}."
+        )
+    if start.config != config.policy:
+        got, expected = to_mapping(start.config), to_mapping(config.policy)
+        name = next(name for name in expected if got[name] != expected[name])
+        raise CheckpointError(
+            f"the checkpoint does not fit the config: its policy.{name} is {got[name]}, expected {expected[name]}."
+        )
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.load import load_steps
 from wrenchflow.manifest import output_folder, write_json, write_manifest
-from wrenchflow.policy.checkpoint import save
+from wrenchflow.policy.checkpoint import WEIGHTS, load_policy, save
 from wrenchflow.train.config import TrainConfig
 from wrenchflow.train.loop import Progress, train_policy
 
@@ -18,13 +18,16 @@ TIMING = "timing.jsonl"
 CONFIG = "config.json"
 
 
-def train_folder(dataset: Path, out: Path, config: TrainConfig, *, overwrite: bool = False) -> Iterator[Progress]:
+def train_folder(
+    dataset: Path, out: Path, config: TrainConfig, *, start: Path | None = None, overwrite: bool = False
+) -> Iterator[Progress]:
     """Train on a data set and write a run: weights, policy, config, metrics, manifest.
 
     Args:
         dataset: What `datasets.load.load_steps` reads.
         out: The run folder.
         config: How to train.
+        start: Another run, whose policy is trained on.
         overwrite: Replace a run that is there.
 
     Yields:
@@ -33,11 +36,14 @@ def train_folder(dataset: Path, out: Path, config: TrainConfig, *, overwrite: bo
     Raises:
         OutputError: If `out` exists and may not be replaced.
         DatasetError: If the data set cannot be read or trained on.
+        CheckpointError: If `start` cannot be loaded, or does not fit the data set or the config.
     """
-    with output_folder(out, overwrite=overwrite, reads=[dataset]) as folder:
+    known = None if start is None else load_policy(start)
+    reads = [dataset] if start is None else [dataset, start]
+    with output_folder(out, overwrite=overwrite, reads=reads) as folder:
         write_json(folder / CONFIG, to_mapping(config))
         with (
-            closing(train_policy(load_steps(dataset), config)) as training,
+            closing(train_policy(load_steps(dataset), config, known)) as training,
             (folder / METRICS).open("w", buffering=1) as metrics,
             (folder / TIMING).open("w", buffering=1) as timing,
         ):
@@ -53,7 +59,8 @@ def train_folder(dataset: Path, out: Path, config: TrainConfig, *, overwrite: bo
                 timing.write(json.dumps(times) + "\n")
                 yield progress
         save(folder, policy)
-        write_manifest(folder, "train", config, _input_files(dataset), config.seed)
+        started = [] if start is None else [start / WEIGHTS]
+        write_manifest(folder, "train", config, [*_input_files(dataset), *started], config.seed)
 
 
 def _input_files(dataset: Path) -> list[Path]:

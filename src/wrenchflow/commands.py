@@ -1,0 +1,231 @@
+"""The commands: what each takes, which stage it runs, and what it has to say of it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
+
+from tqdm import tqdm
+from tyro.conf import Positional, arg
+
+from wrenchflow.collect.config import CollectConfig
+from wrenchflow.datasets.config import ExportConfig
+from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.process.config import ProcessConfig
+from wrenchflow.quickstart_config import QuickstartConfig
+from wrenchflow.told import quickstart_lines, result_lines
+from wrenchflow.train.config import TrainConfig
+
+Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
+Jobs = Annotated[int, arg(help="Worker processes.")]
+Json = Annotated[bool, arg(help="Print one JSON object instead of text.")]
+ConfigFile = Annotated[Path | None, arg(name="config", metavar="FILE.toml", help="Values of the flags below.")]
+Out = Annotated[Positional[Path], arg(metavar="OUT", help="Folder to write.")]
+# A config's own fields are flags without a prefix, `--steps`; what is nested in it keeps one, `--policy.mlp.width`.
+_UNPREFIXED = arg(name="")
+
+
+def watch[T](stage: str, results: Iterator[T], total: int) -> list[T]:
+    """Exhaust a stage's results behind a progress bar, where there is a terminal to draw it on."""
+    return list(tqdm(results, desc=stage, total=total, disable=None, dynamic_ncols=True, leave=False))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command(ABC):
+    """What all commands share."""
+
+    json: Json = False
+
+    @abstractmethod
+    def run(self) -> dict[str, Any]:
+        """Do the work; returns plain figures."""
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """The result as lines for a person."""
+        return result_lines(result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage(Command):
+    """A command that writes OUT from what its config says.
+
+    The command line reads `--config FILE` first and takes it out, for its values are the defaults of all other flags;
+    the field is here so that a person finds it in `--help`.
+    """
+
+    overwrite: Overwrite = False
+    config_file: ConfigFile = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quickstart(Stage):
+    """Everything once on peg insertion: demonstrate, process, export, train, deploy, compare; ends in index.html."""
+
+    out: Out
+    config: Annotated[QuickstartConfig, _UNPREFIXED] = field(default_factory=QuickstartConfig)
+    jobs: Jobs = 2
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.quickstart import run_quickstart
+
+        summary = run_quickstart(self.out, self.config, watch, jobs=self.jobs, overwrite=self.overwrite)
+        return summary | {"page": str(self.out / "index.html")}
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """A short table."""
+        return quickstart_lines(result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collect(Stage):
+    """Record demonstrations of a task to OUT/<id>.mcap."""
+
+    out: Out
+    config: Annotated[CollectConfig, _UNPREFIXED] = field(default_factory=CollectConfig)
+    jobs: Jobs = 2
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.collect.session import collect_folder
+
+        collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
+        done = watch("collect", collecting, self.config.episodes)
+        return {
+            "episodes": len(done),
+            "samples": sum(demonstration.samples for demonstration in done),
+            "successes": sum(demonstration.outcome.success for demonstration in done),
+            "out": str(self.out),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Process(Stage):
+    """Clean the force of the recordings in RAW: bias, gravity, filter, contacts; writes OUT and its quality report."""
+
+    raw: Annotated[Positional[Path], arg(metavar="RAW", help="Folder of recordings.")]
+    out: Out
+    config: Annotated[ProcessConfig, _UNPREFIXED] = field(default_factory=ProcessConfig)
+    jobs: Jobs = 2
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.process.pipeline import process_folder
+
+        processing = process_folder(self.raw, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
+        qualities = watch("process", processing, _count(self.raw))
+        return {
+            "episodes": len(qualities),
+            "with_contact": sum(quality.has_contact for quality in qualities),
+            "max_force_n": max(quality.max_force for quality in qualities),
+            "report": str(self.out / "report.html"),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(Stage):
+    """Make a data set of the recordings in CLEAN; OUT may hold one of each format."""
+
+    format: Annotated[Positional[str], arg(metavar="FORMAT", help="robomimic or lerobot.")]
+    clean: Annotated[Positional[Path], arg(metavar="CLEAN", help="Folder of processed recordings.")]
+    out: Out
+    config: Annotated[ExportConfig, _UNPREFIXED] = field(default_factory=ExportConfig)
+    jobs: Jobs = 2
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.datasets.export import export_folder
+
+        exporting = export_folder(
+            self.format, self.clean, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite
+        )
+        episodes = watch(f"export {self.format}", exporting, _count(self.clean))
+        return {
+            "episodes": sum(not episode.left_out for episode in episodes),
+            "left_out": {episode.id: episode.left_out for episode in episodes if episode.left_out},
+            "steps": sum(episode.steps for episode in episodes),
+            "out": str(self.out),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train(Stage):
+    """Train a policy on a data set, into the run folder OUT."""
+
+    dataset: Annotated[Positional[Path], arg(metavar="DATASET", help="A .hdf5 file, or a LeRobot folder.")]
+    out: Out
+    start: Annotated[Path | None, arg(metavar="RUN", help="Go on from the policy of another run.")] = None
+    config: Annotated[TrainConfig, _UNPREFIXED] = field(default_factory=TrainConfig)
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.train.run import train_folder
+
+        training = train_folder(self.dataset, self.out, self.config, start=self.start, overwrite=self.overwrite)
+        last = None
+        with tqdm(total=self.config.steps, desc="train", disable=None, dynamic_ncols=True, leave=False) as bar:
+            for progress in training:
+                last = progress.metrics
+                bar.update(last.step - bar.n)
+                bar.set_postfix(loss=f"{last.loss:.4f}")
+        assert last is not None  # A training has at least one update, and the last one yields a row.
+        return {
+            "steps": last.step,
+            "loss": last.loss,
+            "valid_loss": last.valid_loss,
+            "valid_position_error_m": last.valid_position_error_m,
+            "out": str(self.out),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deploy(Stage):
+    """Let the policy of RUN try a task many times, in virtual time; writes OUT/<id>.mcap and evaluation.json."""
+
+    policy: Annotated[Positional[Path], arg(name="run", metavar="RUN", help="Folder that `train` wrote.")]
+    out: Out
+    config: Annotated[DeployConfig, _UNPREFIXED] = field(default_factory=DeployConfig)
+    jobs: Jobs = 2
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.deploy.evaluation import summarise
+        from wrenchflow.deploy.run import deploy_folder
+        from wrenchflow.present import write_evaluation_page
+
+        deploying = deploy_folder(self.policy, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
+        verdicts = watch("deploy", deploying, self.config.episodes)
+        write_evaluation_page(self.out, self.config.task, verdicts, self.config.force_limit_n)
+        return summarise(verdicts) | {"out": str(self.out), "page": str(self.out / "evaluation.html")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Info(Command):
+    """Show what a recording, a data set or a stage's folder holds."""
+
+    path: Annotated[Positional[Path], arg(metavar="FILE", help="File or folder to look at.")]
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.describe import describe
+
+        return describe(self.path)
+
+
+COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
+    {
+        "quickstart": Quickstart,
+        "collect": Collect,
+        "process": Process,
+        "export": Export,
+        "train": Train,
+        "deploy": Deploy,
+        "info": Info,
+    }
+)
+
+
+def _count(folder: Path) -> int:
+    return sum(1 for _ in folder.glob("*.mcap")) if folder.is_dir() else 0

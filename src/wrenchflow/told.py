@@ -1,0 +1,55 @@
+"""Results as lines for a person to read."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def result_lines(result: Mapping[str, Any], indent: str = "") -> list[str]:
+    """A result as aligned lines, tables within tables further in."""
+    width = max((len(str(key)) for key in result), default=0)
+    lines = []
+    for key, value in result.items():
+        if isinstance(value, Mapping) and value:
+            lines += [f"{indent}{key}", *result_lines(value, indent + "  ")]
+        else:
+            lines.append(f"{indent}{key!s:<{width}}  {_said(value)}")
+    return lines
+
+
+def _said(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return " ".join(_said(item) for item in value)
+    return "none" if value == {} else str(value)
+
+
+def quickstart_lines(summary: Mapping[str, Any]) -> list[str]:
+    """The short table that `quickstart` ends with."""
+
+    def rate(name: str) -> str:
+        low, high = summary[f"{name}success_interval"]
+        return f"{summary[f'{name}success_rate']:6.1%}   [{low:.1%}, {high:.1%}]"
+
+    def force(name: str) -> str:
+        peak = summary[f"{name}peak_force_n"]
+        return f"{peak['median']:5.1f} / {peak['p95']:.1f} N"
+
+    arms = {
+        "policy, with force": "",
+        "the same, force zeroed": "zeroed_force_",
+        "trained without force": "without_force_",
+        "blind spiral": "blind_spiral_",
+    }
+    shown = summary["demonstrations"]
+    return [
+        f"demonstrations  {summary['episodes']} episodes, {summary['samples']:,} samples at 1 kHz, "
+        f"{shown['success_rate']:.1%} inserted",
+        f"{summary['rollouts']} rollouts each       success  95 % interval     peak force, median / 95 %",
+        *(f"  {label:<23} {rate(name)}   {force(name)}" for label, name in arms.items()),
+        f"success: inserted within 8 s, low-passed peak force under {summary['force_limit_n']:.0f} N",
+        "seconds         " + "  ".join(f"{stage} {value:.0f}" for stage, value in summary["seconds"].items()),
+        f"open            {summary['page']}",
+    ]
