@@ -5,6 +5,7 @@ It stands above the rooms, beside the command line, and is imported by nothing b
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from wrenchflow.collect.session import collect_folder, demonstrate
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.datasets.export import export_folder
 from wrenchflow.deploy.config import DeployConfig
-from wrenchflow.deploy.evaluation import Verdict, judge, paired_p_value, spread, summarise
+from wrenchflow.deploy.evaluation import Verdict, judge, paired_p_value, summarise
 from wrenchflow.deploy.run import deploy_folder, evaluate
 from wrenchflow.episodes_map import map_episodes, worker_pool
 from wrenchflow.errors import OutputError
@@ -24,6 +25,7 @@ from wrenchflow.present import write_evaluation_page, write_quickstart_page
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.pipeline import process_folder
 from wrenchflow.quickstart_config import TASK, QuickstartConfig
+from wrenchflow.recording.reader import find_recordings, read_episode
 from wrenchflow.sim.attempt import EVALUATE
 from wrenchflow.train.config import TrainConfig
 from wrenchflow.train.loop import Metrics
@@ -33,7 +35,7 @@ _OUTPUTS = ("raw", "clean", "dataset", "run", "run_without_force", "rollouts", "
 
 
 class _Options(TypedDict):
-    jobs: int
+    executor: Executor
     overwrite: bool
 
 
@@ -70,10 +72,11 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
         raise OutputError(
             f"output '{out}' holds {', '.join(there)} already. Choose another place, or pass --overwrite."
         )
-    chain = _Chain(out, config, watch, jobs, overwrite)
-    demonstrations = chain.demonstrations()
-    training = chain.train()
-    arms = chain.arms()
+    with worker_pool(jobs) as pool:  # One for all: a worker spends seconds on loading torch and MuJoCo.
+        chain = _Chain(out, config, watch, pool, overwrite)
+        demonstrations = chain.demonstrations()
+        training = chain.train()
+        arms = chain.arms()
     result = summarise(arms["policy"])
     kept = ("successes", "success_rate", "success_interval", "peak_force_n", "duration_s", "failures")
     summary = {
@@ -98,8 +101,9 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
 class _Chain:
     """The stages, one after the other, each timed."""
 
-    def __init__(self, out: Path, config: QuickstartConfig, watch: Watch, jobs: int, overwrite: bool) -> None:
-        self.out, self.watch, self.jobs, self.overwrite = out, watch, jobs, overwrite
+    def __init__(self, out: Path, config: QuickstartConfig, watch: Watch, pool: Executor, overwrite: bool) -> None:
+        self.out, self.watch = out, watch
+        self.options: _Options = {"executor": pool, "overwrite": overwrite}
         self.collect = CollectConfig(task=TASK, episodes=config.episodes, seed=config.seed)
         self.train_config = TrainConfig(steps=config.train_steps, seed=config.seed, threads=1)
         self.deploy = DeployConfig(task=TASK, episodes=config.rollouts, seed=config.seed)
@@ -119,22 +123,20 @@ class _Chain:
     def demonstrations(self) -> dict[str, Any]:
         """Collect, process, export."""
         raw, clean, dataset, n = self.out / "raw", self.out / "clean", self.out / "dataset", self.collect.episodes
-        both: _Options = {"jobs": self.jobs, "overwrite": self.overwrite}
-        done = self.run("collect", collect_folder(raw, self.collect, **both), n)
-        qualities = self.run("process", process_folder(raw, clean, ProcessConfig(), **both), n)
+        done = self.run("collect", collect_folder(raw, self.collect, **self.options), n)
+        self.run("process", process_folder(raw, clean, ProcessConfig(), **self.options), n)
         steps = 0
         for format in ("robomimic", "lerobot"):
-            exporting = export_folder(format, clean, dataset, ExportConfig(), **both)
+            exporting = export_folder(format, clean, dataset, ExportConfig(), **self.options)
             steps = sum(episode.steps for episode in self.run("export", exporting, n, f"export {format}"))
+        # By the measure that the rollouts will be judged by: what `process` calls largest has passed another filter.
+        judging = map_episodes(_Judge(self.deploy), find_recordings(raw), executor=self.options["executor"])
+        judged = summarise(self.run("compare", judging, n, "compare: demonstrations"))
         return {
             "episodes": len(done),
             "samples": sum(demonstration.samples for demonstration in done),
             "steps": steps,
-            "demonstrations": {
-                "success_rate": sum(demonstration.outcome.success for demonstration in done) / len(done),
-                "peak_force_n": spread([quality.max_force for quality in qualities]),
-                "duration_s": spread([demonstration.outcome.duration_s for demonstration in done]),
-            },
+            "demonstrations": {key: judged[key] for key in ("success_rate", "peak_force_n", "duration_s")},
         }
 
     def train(self) -> dict[str, list[Any]]:
@@ -143,8 +145,8 @@ class _Chain:
         felt, blunt = self.train_config, replace(self.train_config, features="without_force")
         dataset = self.out / "dataset" / "robomimic.hdf5"
         both = [_Training(dataset, self.out / "run", felt), _Training(dataset, self.out / "run_without_force", blunt)]
-        work = partial(_train, overwrite=self.overwrite)
-        metrics = self.run("train", map_episodes(work, both, jobs=self.jobs), len(both))[0]
+        work = partial(_train, overwrite=self.options["overwrite"])
+        metrics = self.run("train", map_episodes(work, both, executor=self.options["executor"]), len(both))[0]
         return {
             "steps": [row.step for row in metrics],
             "loss": [row.loss for row in metrics],
@@ -153,18 +155,17 @@ class _Chain:
 
     def arms(self) -> dict[str, list[Verdict]]:
         """Let the policy, the same without its sense of force, the one without force and the baseline try."""
-        out, config, n = self.out, self.deploy, self.deploy.episodes
-        with worker_pool(self.jobs) as pool:  # One for all: a worker spends seconds on loading torch and MuJoCo.
-            deploying = deploy_folder(out / "run", out / "rollouts", config, overwrite=self.overwrite, executor=pool)
-            zeroed = evaluate(out / "run", replace(config, wrench_input="zeroed"), executor=pool)
-            without = evaluate(out / "run_without_force", config, executor=pool)
-            spiral = map_episodes(_Spiral(self.collect, config), range(n), executor=pool)
-            return {
-                "policy": self.run("deploy", deploying, n),
-                "zeroed_force": self.run("compare", zeroed, n, "compare: force zeroed"),
-                "without_force": self.run("compare", without, n, "compare: without force"),
-                "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
-            }
+        out, config, n, pool = self.out, self.deploy, self.deploy.episodes, self.options["executor"]
+        deploying = deploy_folder(out / "run", out / "rollouts", config, **self.options)
+        zeroed = evaluate(out / "run", replace(config, wrench_input="zeroed"), executor=pool)
+        without = evaluate(out / "run_without_force", config, executor=pool)
+        spiral = map_episodes(_Spiral(self.collect, config), range(n), executor=pool)
+        return {
+            "policy": self.run("deploy", deploying, n),
+            "zeroed_force": self.run("compare", zeroed, n, "compare: force zeroed"),
+            "without_force": self.run("compare", without, n, "compare: without force"),
+            "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
+        }
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,16 @@ def _train(training: _Training, *, overwrite: bool) -> list[Metrics]:
 
 
 @dataclass(frozen=True)
+class _Judge:
+    """Judges a recording as rollouts are judged."""
+
+    limits: DeployConfig
+
+    def __call__(self, path: Path) -> Verdict:
+        return judge(read_episode(path), self.limits)
+
+
+@dataclass(frozen=True)
 class _Spiral:
     """The baseline on the scene of one rollout; an object, so that it travels to a worker process."""
 
@@ -190,9 +201,7 @@ class _Spiral:
 
     def __call__(self, index: int) -> Verdict:
         config = replace(self.collect, operator="blind-spiral", seed=self.deploy.seed, disturbance_m=0.0)
-        episode = demonstrate(index, config, scenes=EVALUATE)
-        limits = self.deploy
-        return judge(episode, force_limit_n=limits.force_limit_n, force_cutoff_hz=limits.force_cutoff_hz)
+        return judge(demonstrate(index, config, scenes=EVALUATE), self.deploy)
 
 
 def _write_pages(out: Path, summary: dict[str, Any], verdicts: Sequence[Verdict]) -> None:

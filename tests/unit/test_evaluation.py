@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import binomtest
 
 from wrenchflow.config import to_mapping
+from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.evaluation import (
     Verdict,
     judge,
@@ -110,6 +111,6 @@ def test_what_happens_before_the_end_of_the_tare_is_no_peak(attempt):
     ],
 )
 def test_who_presses_too_hard_has_not_succeeded(attempt, push_n, failure, success, named):
-    judged = judge(attempt(push_n, failure), force_limit_n=25.0, force_cutoff_hz=50.0)
+    judged = judge(attempt(push_n, failure), DeployConfig(force_limit_n=25.0, force_cutoff_hz=50.0))
     assert (judged.success, judged.failure, judged.id, judged.duration_s) == (success, named, "0007", 1.5)
     assert to_mapping(judged)["peak_force_n"] == judged.peak_force_n

@@ -1,6 +1,7 @@
 """Record demonstrations: an operator sees and feels, a device moves the target, the arm follows, and all is kept."""
 
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -160,7 +161,7 @@ class _Record:
 
 
 def collect_folder(
-    out: Path, config: CollectConfig, *, jobs: int = 1, overwrite: bool = False
+    out: Path, config: CollectConfig, *, jobs: int = 1, overwrite: bool = False, executor: Executor | None = None
 ) -> Iterator[Demonstration]:
     """Record `config.episodes` demonstrations into a folder, and yield what became of each.
 
@@ -169,6 +170,7 @@ def collect_folder(
         config: What is demonstrated, by whom.
         jobs: Worker processes.
         overwrite: Replace a folder that is there.
+        executor: Used in place of worker processes of its own.
 
     Raises:
         OutputError: If `out` is there, and may not be replaced.
@@ -177,5 +179,5 @@ def collect_folder(
     scenery(config.task, config.rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
-        yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs)
+        yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs, executor=executor)
         write_manifest(folder, "collect", config, seed=config.seed)

@@ -1,6 +1,7 @@
 """The stage `export`: clean recordings to a data set that peers' tools load."""
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -59,7 +60,14 @@ class _Sampled:
 
 
 def export_folder(
-    format: str, clean: Path, out: Path, config: ExportConfig, *, jobs: int = 1, overwrite: bool = False
+    format: str,
+    clean: Path,
+    out: Path,
+    config: ExportConfig,
+    *,
+    jobs: int = 1,
+    overwrite: bool = False,
+    executor: Executor | None = None,
 ) -> Iterator[ExportedEpisode]:
     """Make a data set of every recording in a folder.
 
@@ -71,6 +79,7 @@ def export_folder(
         config: How.
         jobs: Worker processes.
         overwrite: Replace a data set of this format that is there.
+        executor: Used in place of worker processes of its own.
 
     Yields:
         What became of each episode, in the order of the names.
@@ -91,7 +100,7 @@ def export_folder(
     paths = find_recordings(clean)
     about: About | None = None
     kept: list[Steps] = []
-    for sampled in map_episodes(partial(_sample, config), paths, jobs=jobs):
+    for sampled in map_episodes(partial(_sample, config), paths, jobs=jobs, executor=executor):
         if sampled.steps is None:
             yield ExportedEpisode(id=sampled.id, steps=0, left_out="not a success")
             continue

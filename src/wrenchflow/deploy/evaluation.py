@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.episode import Episode
 from wrenchflow.filtering import lowpass
 from wrenchflow.process.calibration import bias_window, estimate_bias
@@ -53,11 +54,11 @@ def peak_force_n(episode: Episode, cutoff_hz: float) -> float:
     return float(np.linalg.norm(smooth[raw.t[before:] >= stop_ns], axis=1).max(initial=0.0))
 
 
-def judge(episode: Episode, *, force_limit_n: float, force_cutoff_hz: float) -> Verdict:
-    """Judge one recorded attempt."""
+def judge(episode: Episode, limits: DeployConfig) -> Verdict:
+    """Judge one recorded attempt by the limits of force."""
     result = episode.meta["result"]
-    peak_n = peak_force_n(episode, force_cutoff_hz)
-    failure = "over-force" if result["success"] and peak_n > force_limit_n else result["failure"]
+    peak_n = peak_force_n(episode, limits.force_cutoff_hz)
+    failure = "over-force" if result["success"] and peak_n > limits.force_limit_n else result["failure"]
     return Verdict(
         id=episode.id,
         success=not failure,

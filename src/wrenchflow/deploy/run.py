@@ -38,9 +38,7 @@ class _Batch:
         task, rig, model = scenery(self.config.task, self.config.rig)
         verdicts = []
         for episode in roll_out(indices, acting, task, model, rig, self.config):
-            verdict = judge(
-                episode, force_limit_n=self.config.force_limit_n, force_cutoff_hz=self.config.force_cutoff_hz
-            )
+            verdict = judge(episode, self.config)
             verdicts.append(verdict)
             if self.folder is not None:
                 # Who pressed too hard did not succeed, whatever the task says.

@@ -118,7 +118,7 @@ def process_folder(
         config: How.
         jobs: Worker processes.
         overwrite: Replace `out` if it is there.
-        executor: Any executor that sees the same files, used in place of local processes.
+        executor: Used in place of worker processes of its own.
 
     Yields:
         The figures of each episode, in the order of the names.
