@@ -78,11 +78,13 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
         training = chain.train()
         arms = chain.arms()
     result = summarise(arms["policy"])
+    shown = summarise(arms["demonstrations"])
     kept = ("successes", "success_rate", "success_interval", "peak_force_n", "duration_s", "failures")
     summary = {
         "task": TASK,
         "seed": config.seed,
         **demonstrations,
+        "demonstrations": {key: shown[key] for key in ("success_rate", "peak_force_n", "duration_s")},
         "rollouts": result["attempts"],
         **{key: result[key] for key in kept},
         "force_limit_n": chain.deploy.force_limit_n,
@@ -120,7 +122,7 @@ class _Chain:
         """Watch a stage to its end."""
         return self.timed(stage, lambda: self.watch(label or stage, results, total))
 
-    def demonstrations(self) -> dict[str, Any]:
+    def demonstrations(self) -> dict[str, int]:
         """Collect, process, export."""
         raw, clean, dataset, n = self.out / "raw", self.out / "clean", self.out / "dataset", self.collect.episodes
         done = self.run("collect", collect_folder(raw, self.collect, **self.options), n)
@@ -129,15 +131,7 @@ class _Chain:
         for format in ("robomimic", "lerobot"):
             exporting = export_folder(format, clean, dataset, ExportConfig(), **self.options)
             steps = sum(episode.steps for episode in self.run("export", exporting, n, f"export {format}"))
-        # By the measure that the rollouts will be judged by: what `process` calls largest has passed another filter.
-        judging = map_episodes(_Judge(self.deploy), find_recordings(raw), executor=self.options["executor"])
-        judged = summarise(self.run("compare", judging, n, "compare: demonstrations"))
-        return {
-            "episodes": len(done),
-            "samples": sum(demonstration.samples for demonstration in done),
-            "steps": steps,
-            "demonstrations": {key: judged[key] for key in ("success_rate", "peak_force_n", "duration_s")},
-        }
+        return {"episodes": len(done), "samples": sum(demonstration.samples for demonstration in done), "steps": steps}
 
     def train(self) -> dict[str, list[Any]]:
         """Train the policy and, beside it, the same one without force; returns the first one's curve."""
@@ -154,17 +148,24 @@ class _Chain:
         }
 
     def arms(self) -> dict[str, list[Verdict]]:
-        """Let the policy, the same without its sense of force, the one without force and the baseline try."""
+        """Let the policy, the same without its sense of force, the one without force and the baseline try.
+
+        The demonstrations are judged beside them, by the same measure: the largest force that `process` finds has been
+        through another filter.
+        """
         out, config, n, pool = self.out, self.deploy, self.deploy.episodes, self.options["executor"]
         deploying = deploy_folder(out / "run", out / "rollouts", config, **self.options)
         zeroed = evaluate(out / "run", replace(config, wrench_input="zeroed"), executor=pool)
         without = evaluate(out / "run_without_force", config, executor=pool)
         spiral = map_episodes(_Spiral(self.collect, config), range(n), executor=pool)
+        raw = find_recordings(out / "raw")
+        shown = map_episodes(_Judge(config), raw, executor=pool)
         return {
             "policy": self.run("deploy", deploying, n),
             "zeroed_force": self.run("compare", zeroed, n, "compare: force zeroed"),
             "without_force": self.run("compare", without, n, "compare: without force"),
             "blind_spiral": self.run("compare", spiral, n, "compare: blind spiral"),
+            "demonstrations": self.run("compare", shown, len(raw), "compare: demonstrations"),
         }
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from wrenchflow.pages.page import chance
+
 
 def result_lines(result: Mapping[str, Any], indent: str = "") -> list[str]:
     """A result as aligned lines, tables within tables further in."""
@@ -31,11 +33,13 @@ def quickstart_lines(summary: Mapping[str, Any]) -> list[str]:
 
     def rate(name: str) -> str:
         low, high = summary[f"{name}success_interval"]
-        return f"{summary[f'{name}success_rate']:6.1%}   [{low:.1%}, {high:.1%}]"
+        interval = f"[{low:.1%}, {high:.1%}]"
+        return f"{summary[f'{name}success_rate']:6.1%}   {interval:<15}"
 
     def force(name: str) -> str:
         peak = summary[f"{name}peak_force_n"]
-        return f"{peak['median']:5.1f} / {peak['p95']:.1f} N"
+        p_value = summary.get(f"{name}p_value")
+        return f"{peak['median']:5.1f} / {peak['p95']:.1f} N" + ("" if p_value is None else f"   {chance(p_value)}")
 
     arms = {
         "policy, with force": "",
@@ -47,7 +51,7 @@ def quickstart_lines(summary: Mapping[str, Any]) -> list[str]:
     return [
         f"demonstrations  {summary['episodes']} episodes, {summary['samples']:,} samples at 1 kHz, "
         f"{shown['success_rate']:.1%} inserted",
-        f"{summary['rollouts']} rollouts each       success  95 % interval     peak force, median / 95 %",
+        f"{summary['rollouts']} rollouts each       success  95 % interval     peak force, median / 95 %, and paired p",
         *(f"  {label:<23} {rate(name)}   {force(name)}" for label, name in arms.items()),
         f"success: inserted within 8 s, low-passed peak force under {summary['force_limit_n']:.0f} N",
         "seconds         " + "  ".join(f"{stage} {value:.0f}" for stage, value in summary["seconds"].items()),

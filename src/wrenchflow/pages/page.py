@@ -116,6 +116,11 @@ def between(interval: Sequence[float]) -> str:
     return f"{100.0 * interval[0]:.1f} to {100.0 * interval[1]:.1f}{_NBSP}%"
 
 
+def chance(p_value: float) -> str:
+    """How likely chance alone would make such a difference."""
+    return f"p = {p_value:.3f}" if p_value >= 0.001 else "p < 0.001"
+
+
 def footer_line(summary: Mapping[str, Any]) -> str:
     """Seed and versions, as far as the summary has them."""
     parts = [f"seed {summary['seed']}"] if "seed" in summary else []

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from wrenchflow.pages.page import amount, bar, between, card, cards, link, percent, section, table
+from wrenchflow.pages.page import amount, bar, between, card, cards, chance, link, percent, section, table
 from wrenchflow.pages.plot_block import plot_block
 from wrenchflow.pages.result_plots import peak_force_figure
 
@@ -72,7 +72,10 @@ def success_section(summary: Mapping[str, Any]) -> str:
     rows = [_arm_row(arm, arm.note if len(arms) > 1 else "", summary) for arm in arms]
     against = ""
     if len(arms) > 1:
-        against = " All rows met the same starts and the same errors of perception, so they can be compared one by one."
+        against = (
+            " All rows met the same starts and the same errors of perception, so they can be compared one by one "
+            "(McNemar's exact test)."
+        )
     text = (
         f"<p>An attempt counts when the task is done in time and the low-passed force stays under "
         f"{limit_of(summary):g} N. The whiskers are 95 % Wilson intervals.{against}</p>"
@@ -84,6 +87,9 @@ def success_section(summary: Mapping[str, Any]) -> str:
 def _arm_row(arm: Arm, note: str, summary: Mapping[str, Any]) -> tuple[str, ...]:
     rate, interval = summary[f"{arm.prefix}success_rate"], summary[f"{arm.prefix}success_interval"]
     words = f"{arm.name}: {percent(rate)}, 95 % interval {between(interval)}"
+    p_value = summary.get(f"{arm.prefix}p_value")
+    if p_value is not None:
+        note += f"; {chance(p_value)} against the policy"
     return (
         f"{escape(arm.name)}<small>{escape(note)}</small>",
         f'<td class="figure">{percent(rate)}</td>',
