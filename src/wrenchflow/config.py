@@ -84,6 +84,20 @@ def load[T](cls: type[T], path: Path) -> T:
     return from_mapping(cls, read_toml(path), where=path.name)
 
 
+def require_at_least(least: float, **values: float) -> None:
+    """Refuse values below `least`, and those that are no number; each is given by its name."""
+    for name, value in values.items():
+        if not value >= least:
+            raise ConfigError(f"{name} is {value:g}, expected at least {least:g}.")
+
+
+def require_positive(**values: float) -> None:
+    """Refuse values that are not above 0; each is given by its name."""
+    for name, value in values.items():
+        if not value > 0.0:
+            raise ConfigError(f"{name} is {value:g}, expected more than 0.")
+
+
 def to_mapping(config: Any) -> Any:
     """Plain values (dicts, lists, numbers, text) of a config, as JSON takes them."""
     if dataclasses.is_dataclass(config) and not isinstance(config, type):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from wrenchflow.errors import ConfigError
+from wrenchflow.config import require_at_least
 
 TASK = "peg-insertion"
 
@@ -24,6 +24,5 @@ class QuickstartConfig:
     rollouts: int = 200
 
     def __post_init__(self) -> None:
-        for name, least in (("episodes", 2), ("train_steps", 1), ("rollouts", 1)):
-            if getattr(self, name) < least:
-                raise ConfigError(f"{name} is {getattr(self, name)}, expected at least {least}.")
+        require_at_least(2, episodes=self.episodes)
+        require_at_least(1, train_steps=self.train_steps, rollouts=self.rollouts)

@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import AbstractContextManager, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ class Ran:
 
 
 @contextmanager
-def unchecked() -> Iterator[None]:
+def without_shape_checks() -> Iterator[None]:
     """Without shape checks, which make a 1 kHz loop several times as long; the unit tests have them."""
     jaxtyping.config.update("jaxtyping_disable", True)
     try:
@@ -43,12 +43,18 @@ def unchecked() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
+def unchecked() -> Callable[[], AbstractContextManager[None]]:
+    """A context without shape checks."""
+    return without_shape_checks
+
+
+@pytest.fixture(scope="session")
 def wrenchflow() -> Callable[..., Ran]:
     """Run a command in this process, as `wrenchflow ARGUMENTS` would."""
 
     def run(*arguments: object) -> Ran:
         stdout, stderr = io.StringIO(), io.StringIO()
-        with unchecked(), redirect_stdout(stdout), redirect_stderr(stderr):
+        with without_shape_checks(), redirect_stdout(stdout), redirect_stderr(stderr):
             code = cli.main([str(argument) for argument in arguments])
         return Ran(code=code, stdout=stdout.getvalue(), stderr=stderr.getvalue())
 

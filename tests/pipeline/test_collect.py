@@ -1,11 +1,8 @@
 """Demonstrations: the scripted operator succeeds by feel, every stream is there, and a seed is every bit."""
 
 import itertools
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -32,19 +29,9 @@ KILOHERTZ = {
 }
 
 
-@contextmanager
-def unchecked() -> Iterator[None]:
-    """Without shape checks, which make an episode five times as long; the first episode has had them."""
-    jaxtyping.config.update("jaxtyping_disable", True)
-    try:
-        yield
-    finally:
-        jaxtyping.config.update("jaxtyping_disable", False)
-
-
 @pytest.fixture(scope="module")
-def episodes():
-    first = demonstrate(0, CONFIG)
+def episodes(unchecked):
+    first = demonstrate(0, CONFIG)  # Shapes are checked once.
     with unchecked():
         return [first, *(demonstrate(index, CONFIG) for index in range(1, 6))]
 
@@ -108,7 +95,7 @@ def test_the_recorded_target_is_what_the_device_asked_for_and_nothing_else(episo
         np.testing.assert_allclose(rotation_of(after[3:]), rotation_of(pose[3:]), atol=1e-12)
 
 
-def test_the_tracked_reference_is_disturbed_and_the_target_is_not(episodes):
+def test_the_tracked_reference_is_disturbed_and_the_target_is_not(episodes, unchecked):
     with unchecked():
         clean = demonstrate(0, replace(CONFIG, disturbance_m=0.0))
     for episode, disturbed in ((episodes[0], True), (clean, False)):
@@ -127,7 +114,7 @@ def test_axes_are_whole_counts_and_say_what_the_twist_says(episodes):
         np.testing.assert_array_equal(CONFIG.twist_map.twist(counts), expected)
 
 
-def test_an_index_is_every_bit_of_an_episode(episodes):
+def test_an_index_is_every_bit_of_an_episode(episodes, unchecked):
     with unchecked():
         assert demonstrate(1, CONFIG) == episodes[1]
         assert demonstrate(1, replace(CONFIG, seed=12)) != episodes[1]
@@ -141,7 +128,7 @@ def test_names_come_from_what_determines_an_episode():
     assert episode_id("peg-insertion", 0, 3).endswith("-0003")
 
 
-def test_a_folder_holds_the_episodes_and_what_made_them(tmp_path, episodes):
+def test_a_folder_holds_the_episodes_and_what_made_them(tmp_path, episodes, unchecked):
     out, again, config = tmp_path / "raw", tmp_path / "again", replace(CONFIG, episodes=2)
     with unchecked():
         demonstrations = list(collect_folder(out, config))

@@ -204,7 +204,7 @@ def test_data_that_cannot_be_trained_on_are_refused(steps, change, message):
 
 def test_a_learning_rate_that_is_too_high_is_told(steps):
     config = dataclasses.replace(BRIEF, learning_rate=1e30, warmup_steps=0, valid_fraction=0.0)
-    with pytest.raises(ConfigError, match=r"train\.learning_rate is 1e\+30"):
+    with pytest.raises(ConfigError, match=r"learning_rate is 1e\+30"):
         trained(steps, config)
 
 

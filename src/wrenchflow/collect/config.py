@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from wrenchflow.collect.device import TwistMap
+from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
 
@@ -30,8 +31,8 @@ class CollectConfig(AttemptConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._at_least_one("device_hz")
-        self._positive("disturbance_s")
-        self._not_negative("disturbance_m")
+        require_at_least(1, device_hz=self.device_hz)
+        require_at_least(0, disturbance_m=self.disturbance_m)
+        require_positive(disturbance_s=self.disturbance_s)
         if 1000 % self.device_hz:
             raise ConfigError(f"device_hz is {self.device_hz}, expected a divisor of the 1000 ticks a second.")

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.sim.config import AttemptConfig
 
 
@@ -28,6 +29,6 @@ class DeployConfig(AttemptConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._at_least_one("batch")
-        self._positive("force_limit_n", "force_cutoff_hz")
-        self._not_negative("latency_s")
+        require_at_least(1, batch=self.batch)
+        require_at_least(0, latency_s=self.latency_s)
+        require_positive(force_limit_n=self.force_limit_n, force_cutoff_hz=self.force_cutoff_hz)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.control.config import ControlConfig, Impedance
-from wrenchflow.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,20 +29,5 @@ class AttemptConfig:
     control: ControlConfig = field(default_factory=ControlConfig)
 
     def __post_init__(self) -> None:
-        self._at_least_one("episodes")
-        self._positive("tare_s")
-
-    def _at_least_one(self, *names: str) -> None:
-        for name in names:
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} is {getattr(self, name)}, expected at least 1.")
-
-    def _positive(self, *names: str) -> None:
-        for name in names:
-            if not getattr(self, name) > 0.0:
-                raise ConfigError(f"{name} is {getattr(self, name):g}, expected more than 0.")
-
-    def _not_negative(self, *names: str) -> None:
-        for name in names:
-            if not getattr(self, name) >= 0.0:
-                raise ConfigError(f"{name} is {getattr(self, name):g}, expected 0 or more.")
+        require_at_least(1, episodes=self.episodes)
+        require_positive(tare_s=self.tare_s)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.errors import ConfigError
 from wrenchflow.policy.config import PolicyConfig
 
@@ -44,14 +45,12 @@ class TrainConfig:
     threads: int = 2
 
     def __post_init__(self) -> None:
-        for name in ("steps", "batch_size", "metrics_every", "threads"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"train.{name} is {getattr(self, name)}, expected at least 1.")
-        for name in ("warmup_steps", "weight_decay", "ema_power", "seed"):
-            if getattr(self, name) < 0:
-                raise ConfigError(f"train.{name} is {getattr(self, name)}, expected 0 or more.")
-        if self.learning_rate <= 0.0:
-            raise ConfigError(f"train.learning_rate is {self.learning_rate}, expected more than 0.")
+        require_at_least(
+            1, steps=self.steps, batch_size=self.batch_size, metrics_every=self.metrics_every, threads=self.threads
+        )
+        require_at_least(0, warmup_steps=self.warmup_steps, weight_decay=self.weight_decay, seed=self.seed)
+        require_at_least(0, ema_power=self.ema_power)
+        require_positive(learning_rate=self.learning_rate)
         for name in ("valid_fraction", "ema_max_decay"):
             if not 0.0 <= getattr(self, name) < 1.0:
-                raise ConfigError(f"train.{name} is {getattr(self, name)}, expected from 0 to below 1.")
+                raise ConfigError(f"{name} is {getattr(self, name)}, expected from 0 to below 1.")

@@ -155,7 +155,7 @@ def _updates(
             if not math.isfinite(metrics.loss):
                 raise ConfigError(
                     f"the loss is no longer finite at update {step + 1}: "
-                    f"train.learning_rate is {config.learning_rate}, expected less."
+                    f"learning_rate is {config.learning_rate}, expected less."
                 )
             yield Progress(metrics=metrics, steps=config.steps, update_s=update_s, data_s=data_s)
             losses.clear()
@@ -204,7 +204,7 @@ def _require_alike(start: LearnedPolicy, config: TrainConfig) -> None:
     if start.features.groups != groups:
         raise CheckpointError(
             f"the checkpoint sees {', '.join(start.features.groups)}, "
-            f"expected what train.features '{config.features}' is: {', '.join(groups)}."
+            f"expected what features '{config.features}' is: {', '.join(groups)}."
         )
     if start.config != config.policy:
         got, expected = to_mapping(start.config), to_mapping(config.policy)
