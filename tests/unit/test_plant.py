@@ -9,7 +9,8 @@ import pytest
 
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ControlError, StreamError
-from wrenchflow.sim.engine import EPOCH_NS, ROW, TICK_NS
+from wrenchflow.sim.engine import EPOCH_NS, TICK_NS
+from wrenchflow.sim.row import ROW
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.spatial import rotation_of
 

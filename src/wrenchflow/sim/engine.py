@@ -14,8 +14,10 @@ from numba import types
 from wrenchflow.compiled import kernel
 from wrenchflow.control import impedance
 from wrenchflow.control.records import JOINTS
-from wrenchflow.sim.ft_sensor import read_sensor
-from wrenchflow.so3 import exp_into, multiply_into, quat_into
+from wrenchflow.sim.ft_sensor import SENSOR, read_sensor
+from wrenchflow.sim.memory import floats_at
+from wrenchflow.sim.row import record
+from wrenchflow.so3 import exp_into, multiply_into
 
 TICK_NS = 1_000_000
 EPOCH_NS = 1_577_836_800_000_000_000  # Where virtual time begins, 2020-01-01: no wall time is in any file.
@@ -32,26 +34,21 @@ _mj_jac_site = types.ExternalFunction(
     "mj_jacSite", types.void(types.uintp, types.uintp, types.uintp, types.uintp, types.intc)
 )
 
-# One row a tick. Poses are x y z, then wxyz with a sign that does not flip from row to row.
-ROW = np.dtype(
-    [
-        ("t_ns", "i8"),
-        ("joint_states", "f8", 3 * JOINTS),
-        ("joint_command", "f8", JOINTS),
-        ("external_torque", "f8", JOINTS),
-        ("tcp_pose", "f8", 7),
-        ("tcp_twist", "f8", 6),
-        ("wrench_raw", "f8", 6),
-        ("target_pose", "f8", 7),
-        ("command_pose", "f8", 7),
-        ("impedance", "f8", 19),
-    ],
-    align=True,
-)
-
-# What the measurement adds to the truth, and where the TCP is.
+# Where a simulation lies in memory, what its measurement adds to the truth, and how far it is. One record, for what a
+# compiled function is called with costs more in free space than what it does.
 MEASURE = np.dtype(
     [
+        ("model", "u8"),  # addresses: of mjModel, mjData, and in it
+        ("data", "u8"),
+        ("qpos", "u8"),  # (7,)
+        ("qvel", "u8"),
+        ("ctrl", "u8"),
+        ("bias", "u8"),
+        ("gravity", "u8"),
+        ("constraint", "u8"),
+        ("tcp_xpos", "u8"),  # (3,)
+        ("tcp_xmat", "u8"),  # (9,)
+        ("wrench", "u8"),  # (6,)
         ("tick", "i8"),  # ticks since the start of the clock
         ("tcp_site", "i8"),
         ("joint_position_noise", "f8"),  # [rad]
@@ -60,28 +57,59 @@ MEASURE = np.dtype(
         ("R_error", "f8", (3, 3)),  # constant calibration error of the TCP's orientation
         ("shift", "f8", 6),  # of the measured TCP, by the noise of the joints [m, rad]
         ("matrices", "f8", (3, 3, 3)),  # what a tick works with
+        ("sensor", SENSOR),
     ],
     align=True,
 )
 
 
+def point_to(measure: np.ndarray, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Note in one `MEASURE` record where a simulation lies; it holds as long as `model` and `data` do."""
+    record, site = measure[0], model.site("tcp").id
+    record["tcp_site"], record["model"], record["data"] = site, model._address, data._address
+    for name, array in (
+        ("qpos", data.qpos),
+        ("qvel", data.qvel),
+        ("ctrl", data.ctrl),
+        ("bias", data.qfrc_bias),
+        ("gravity", data.qfrc_gravcomp),
+        ("constraint", data.qfrc_constraint),
+        ("tcp_xpos", data.site_xpos[site]),
+        ("tcp_xmat", data.site_xmat[site]),
+        ("wrench", data.sensordata),
+    ):
+        record[name] = array.ctypes.data
+
+
 @kernel
-def read(model, data, views, measure, sensors, white, obs):
+def read(measure, white, index, obs):
     """The first half of a tick: kinematics and forces without control, then what is measured of them, into `obs`."""
-    _mj_step1(model, data)
-    observe(model, data, views, measure[0], sensors[0], white, obs[0])
+    _mj_step1(measure[0].model, measure[0].data)
+    observe(measure[0], white[index], obs[0])
 
 
 @kernel
-def observe(model, data, views, measure, sensor, white, obs):
+def write(measure, tau):
+    """The second half of a tick: the torque acts, and one millisecond passes."""
+    ctrl = floats_at(measure[0].ctrl, JOINTS)
+    for j in range(JOINTS):
+        ctrl[j] = tau[j]
+    _mj_step2(measure[0].model, measure[0].data)
+
+
+@kernel
+def observe(measure, white, obs):
     """Fill `obs` from mjData after `mj_step1`, with the noise of the joints and the sensor.
 
     Noise of the joints moves the measured pose through the Jacobian, which is exact to second order in 0.05 mrad.
     """
-    qpos, qvel, ctrl, bias, gravity, constraint, site_xpos, site_xmat, sensordata = views
-    site = measure.tcp_site
+    model, data = measure.model, measure.data
+    qpos, qvel, ctrl = floats_at(measure.qpos, JOINTS), floats_at(measure.qvel, JOINTS), floats_at(measure.ctrl, JOINTS)
+    bias, gravity = floats_at(measure.bias, JOINTS), floats_at(measure.gravity, JOINTS)
+    constraint = floats_at(measure.constraint, JOINTS)
+    tcp_xpos, tcp_xmat = floats_at(measure.tcp_xpos, 3), floats_at(measure.tcp_xmat, 9)
     J = obs.J
-    _mj_jac_site(model, data, J.ctypes.data, J.ctypes.data + 3 * JOINTS * 8, site)
+    _mj_jac_site(model, data, J.ctypes.data, J.ctypes.data + 3 * JOINTS * 8, measure.tcp_site)
     _mj_full_inertia(model, data, obs.M.ctypes.data)
     obs.t_ns = EPOCH_NS + measure.tick * TICK_NS
     measure.tick += 1
@@ -98,74 +126,23 @@ def observe(model, data, views, measure, sensor, white, obs):
         for a in range(6):
             shift[a] += J[a, j] * noise
     for i in range(3):
-        obs.x[i] = site_xpos[site, i] + shift[i]
+        obs.x[i] = tcp_xpos[i] + shift[i]
         for j in range(3):
-            R_true[i, j] = site_xmat[site, 3 * i + j]
+            R_true[i, j] = tcp_xmat[3 * i + j]
     exp_into(shift[3], shift[4], shift[5], step)
     multiply_into(step, R_true, turned)
     multiply_into(turned, measure.R_error, obs.R)
-    read_sensor(sensordata, white, sensor, obs.wrench)
+    read_sensor(floats_at(measure.wrench, 6), white, measure.sensor, obs.wrench)
 
 
 @kernel
-def record(obs, ctl, rows, index):
-    """Store one tick's row; `obs` and `ctl` are arrays of one record."""
-    _record(obs[0], ctl[0], rows, index)
-
-
-@kernel
-def _record(obs, ctl, rows, index):
-    row = rows[index]
-    last = rows[max(index - 1, 0)]
-    row.t_ns = obs.t_ns
-    for j in range(JOINTS):
-        row.joint_states[j] = obs.q[j]
-        row.joint_states[JOINTS + j] = obs.dq[j]
-        row.joint_states[2 * JOINTS + j] = obs.tau[j]
-        row.joint_command[j] = ctl.tau[j]
-        row.external_torque[j] = obs.tau_external[j]
-    for a in range(6):
-        row.wrench_raw[a] = obs.wrench[a]
-        s = 0.0
-        for j in range(JOINTS):
-            s += obs.J[a, j] * obs.dq[j]
-        row.tcp_twist[a] = s
-    _pose_into(obs.x, obs.R, last.tcp_pose, row.tcp_pose)
-    _pose_into(ctl.x_target, ctl.R_target, last.target_pose, row.target_pose)
-    _pose_into(ctl.x_d, ctl.R_d, last.command_pose, row.command_pose)
-    for i in range(3):
-        for j in range(3):
-            row.impedance[3 * i + j] = ctl.K_lin[i, j]
-            row.impedance[9 + 3 * i + j] = ctl.K_rot[i, j]
-    row.impedance[18] = ctl.damping_ratio
-
-
-@kernel
-def _pose_into(x, R, near, out):
-    quat = out[3:]
-    w, a, b, c = near[3], near[4], near[5], near[6]
-    quat_into(R, quat)
-    dot = w * quat[0] + a * quat[1] + b * quat[2] + c * quat[3]
-    if dot == 0.0:  # The first row: nothing to be near to, so the largest component is positive.
-        dot = quat[np.argmax(np.abs(quat))]
-    sign = -1.0 if dot < 0.0 else 1.0
-    for i in range(3):
-        out[i] = x[i]
-    for i in range(4):
-        quat[i] *= sign
-
-
-@kernel
-def advance(model, data, views, measure, sensors, white, obs, req, ctl, rows, first, count):
+def advance(measure, white, drawn, obs, req, ctl, rows, first, count):
     """Run `count` ticks of measuring, controlling, stepping and recording, without Python and without the GIL.
 
     Args:
-        model: Address of the mjModel.
-        data: Address of the mjData.
-        views: Arrays over mjData's memory, in the order of `Plant.views`.
         measure: One `MEASURE` record.
-        sensors: One `SENSOR` record.
-        white: Standard normal numbers, one row a tick. Shape (count, NOISE_WIDTH).
+        white: Standard normal numbers, one row a tick. Shape (n, NOISE_WIDTH).
+        drawn: Index of the first of them to use.
         obs: One `OBS` record.
         req: One `REQ` record.
         ctl: One `CTL` record.
@@ -173,11 +150,8 @@ def advance(model, data, views, measure, sensors, white, obs, req, ctl, rows, fi
         first: Index of the first row to write.
         count: Number of ticks.
     """
-    ctrl = views[2]
     for k in range(count):
-        read(model, data, views, measure, sensors, white[k], obs)
+        read(measure, white, drawn + k, obs)
         impedance.tick(obs[0], req[0], ctl[0])
-        for j in range(JOINTS):
-            ctrl[j] = ctl[0].tau[j]
         record(obs, ctl, rows, first + k)
-        _mj_step2(model, data)
+        write(measure, ctl[0].tau)

@@ -11,8 +11,9 @@ from wrenchflow.control.controller import TICK_S, Controller
 from wrenchflow.errors import ControlError
 from wrenchflow.rig import Rig
 from wrenchflow.sim import engine
-from wrenchflow.sim.engine import MEASURE, NOISE_WIDTH, ROW
+from wrenchflow.sim.engine import MEASURE, NOISE_WIDTH
 from wrenchflow.sim.ft_sensor import SensorFaults, make_sensor
+from wrenchflow.sim.row import ROW, record
 from wrenchflow.spatial import exp_so3, make_pose
 
 _NOISE_BLOCK_TICKS = 512
@@ -64,31 +65,18 @@ class Plant:
         data.qvel[:] = 0.0
         mujoco.mj_forward(model, data)
         self.model, self.data, self._rng = model, data, rng
-        self._addresses = model._address, data._address
         self.rows = np.zeros(round(capacity_s / TICK_S), ROW)
         self.count = 0
         self._measure = np.zeros(1, MEASURE)
+        engine.point_to(self._measure, model, data)
         state = self._measure[0]
-        state["tcp_site"] = model.site("tcp").id
         state["joint_position_noise"] = measurement.joint_position_noise_rad
         state["joint_velocity_noise"] = measurement.joint_velocity_noise_rad_s
         state["torque_noise"] = measurement.torque_noise_nm
         self.orientation_error_rad = rng.normal(size=3) * measurement.orientation_error_rad / np.sqrt(3.0)
         state["R_error"] = exp_so3(self.orientation_error_rad)
-        self._sensor = make_sensor(rig.sensor, measurement.sensor, rng, TICK_S)
+        state["sensor"] = make_sensor(rig.sensor, measurement.sensor, rng, TICK_S)[0]
         self._white, self._drawn = np.empty((0, NOISE_WIDTH)), 0
-        self._ctrl = data.ctrl
-        self._views = (
-            data.qpos,
-            data.qvel,
-            self._ctrl,
-            data.qfrc_bias,
-            data.qfrc_gravcomp,
-            data.qfrc_constraint,
-            data.site_xpos,
-            data.site_xmat,
-            data.sensordata,
-        )
 
     def begin(self, controller: Controller, impedance: Impedance) -> None:
         """Let a controller start at the measured pose, before the first tick."""
@@ -114,11 +102,8 @@ class Plant:
         for start in range(0, ticks, CHUNK_TICKS):
             count = min(CHUNK_TICKS, ticks - start)
             engine.advance(
-                *self._addresses,
-                self._views,
                 self._measure,
-                self._sensor,
-                self._noise(count),
+                *self._noise(count),
                 controller.obs,
                 controller.req,
                 controller.ctl,
@@ -132,17 +117,16 @@ class Plant:
 
     def read(self, obs: np.ndarray) -> None:
         """Fill `obs` with this tick's state (the protocol's way, one tick at a time)."""
-        engine.read(*self._addresses, self._views, self._measure, self._sensor, self._noise(1)[0], obs)
+        engine.read(self._measure, *self._noise(1), obs)
 
     def write(self, tau: Float[np.ndarray, " 7"]) -> None:
         """Command a torque [N.m] and let one millisecond pass."""
-        self._ctrl[:] = tau
-        mujoco.mj_step2(self.model, self.data)
+        engine.write(self._measure, tau)
 
     def record(self, controller: Controller) -> None:
         """Store the row of a tick that went through `read` and `controller.tick`; `advance` does so by itself."""
         self._require_room(1)
-        engine.record(controller.obs, controller.ctl, self.rows, self.count)
+        record(controller.obs, controller.ctl, self.rows, self.count)
         self.count += 1
 
     @property
@@ -162,13 +146,16 @@ class Plant:
                 f"an episode of {len(self.rows)} ticks is full; {ticks} more were asked for at {self.count}."
             )
 
-    def _noise(self, ticks: int) -> Float[np.ndarray, "n k"]:
-        # Drawn in blocks, for a draw costs as much as a tick; the stream of numbers is the same in any blocks.
-        while len(self._white) < self._drawn + ticks:
-            block = self._rng.standard_normal((_NOISE_BLOCK_TICKS, NOISE_WIDTH))
-            self._white, self._drawn = np.concatenate([self._white[self._drawn :], block]), 0
-        self._drawn += ticks
-        return self._white[self._drawn - ticks : self._drawn]
+    def _noise(self, ticks: int) -> tuple[Float[np.ndarray, "n k"], int]:
+        """Standard normal numbers, and where in them the next ticks' begin."""
+        first = self._drawn
+        if first + ticks > len(self._white):
+            # Drawn in blocks, for a draw costs as much as a tick; the stream of numbers is the same in any blocks.
+            blocks = -(-(first + ticks - len(self._white)) // _NOISE_BLOCK_TICKS)
+            fresh = self._rng.standard_normal((blocks * _NOISE_BLOCK_TICKS, NOISE_WIDTH))
+            self._white, first = np.concatenate([self._white[first:], fresh]), 0
+        self._drawn = first + ticks
+        return self._white, first
 
     def _check(self) -> None:
         for warning in (
