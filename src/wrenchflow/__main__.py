@@ -1,11 +1,14 @@
 """The door: `wrenchflow` and `python -m wrenchflow`."""
 
 import os
+import signal
 import sys
+from typing import Any
 
 
 def main() -> int:
     """Load the command line and run it; Ctrl-C is answered in one line even while it loads."""
+    sys.unraisablehook = _hear_again
     try:
         from wrenchflow.cli import main as command_line
 
@@ -18,6 +21,15 @@ def main() -> int:
     except BrokenPipeError:  # Whoever read our output, `head` for one, has seen enough; the rest goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+
+
+def _hear_again(what: Any) -> None:
+    """Let a Ctrl-C that fell into a callback, where Python drops what is raised, be heard a moment later."""
+    if issubclass(what.exc_type, KeyboardInterrupt) and hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+    else:
+        sys.__unraisablehook__(what)
 
 
 if __name__ == "__main__":  # Spawned workers import this module again, and must not run it.

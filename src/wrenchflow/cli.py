@@ -52,6 +52,9 @@ def _parse(arguments: list[str]) -> Command:
 
 def _without_config_file(arguments: list[str]) -> tuple[list[str], Path | None]:
     """Take `--config FILE` out: it gives the defaults that other flags change, so it is read before they are."""
+    times = sum(argument.partition("=")[0] == "--config" for argument in arguments)
+    if times > 1:
+        raise ConfigError(f"--config is given {times} times, expected once.")
     for at, argument in enumerate(arguments):
         name, given, file = argument.partition("=")
         if name == "--config" and given:
@@ -75,8 +78,8 @@ def _require_sound(command: Command) -> None:
     for name, value in _numbers(to_mapping(getattr(command, "config", None))):
         if not math.isfinite(value):
             raise ConfigError(f"{name} is {value}, expected a finite number.")
-        if name == "seed" and value < 0:
-            raise ConfigError(f"seed is {value}, expected 0 or more.")
+        if name == "seed" and not 0 <= value < 2**63:
+            raise ConfigError(f"seed is {value}, expected from 0 to {2**63 - 1}.")
 
 
 def _numbers(values: Any, name: str = "") -> Iterator[tuple[str, float]]:

@@ -12,6 +12,7 @@ from wrenchflow.compiled import kernel
 from wrenchflow.errors import ConfigError
 
 ORDER = 4
+_LOWEST = 1e-4  # Of the rate: below it the poles are too near to 1 for float64.
 
 
 def design(cutoff_hz: float, rate_hz: float, order: int = ORDER) -> Float[np.ndarray, "s 6"]:
@@ -20,9 +21,10 @@ def design(cutoff_hz: float, rate_hz: float, order: int = ORDER) -> Float[np.nda
     Raises:
         ConfigError: If the cutoff is not between 0 and half the sample rate, or the order is below 1.
     """
-    if not 0.0 < cutoff_hz < 0.5 * rate_hz:
+    if not _LOWEST * rate_hz <= cutoff_hz < 0.5 * rate_hz:
         raise ConfigError(
-            f"cutoff_hz is {cutoff_hz:g}, expected above 0 and below half the rate of {rate_hz:g} Hz of the samples."
+            f"cutoff_hz is {cutoff_hz:g}, expected from {_LOWEST * rate_hz:g} to below half of the {rate_hz:g} Hz of "
+            "the samples."
         )
     if order < 1:
         raise ConfigError(f"order is {order}, expected 1 or more.")

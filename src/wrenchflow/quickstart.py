@@ -3,6 +3,7 @@
 It stands above the rooms, beside the command line, and is imported by nothing but it.
 """
 
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -62,7 +63,7 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
         The figures that `--json` prints.
 
     Raises:
-        OutputError: If `out` holds any of its outputs already, or is another stage's.
+        OutputError: If `out` holds any of its outputs already and may not replace them, or is another stage's.
     """
     if (out / NAME).exists():
         stage = read_manifest(out)["stage"]
@@ -72,6 +73,7 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
         raise OutputError(
             f"output '{out}' holds {', '.join(there)} already. Choose another place, or pass --overwrite."
         )
+    _clear(out, there)
     with worker_pool(jobs) as pool:  # One for all: a worker spends seconds on loading torch and MuJoCo.
         chain = _Chain(out, config, watch, pool, overwrite)
         demonstrations = chain.demonstrations()
@@ -98,6 +100,24 @@ def run_quickstart(out: Path, config: QuickstartConfig, watch: Watch, *, jobs: i
     page = {**summary, "training": training, "peak_forces_n": peaks_n, "versions": versions()}
     chain.timed("page", lambda: _write_pages(out, page, arms["policy"]))
     return summary
+
+
+def _clear(out: Path, names: Sequence[str]) -> None:
+    """Remove an earlier run, its page first: what is half of one run and half of another must not look whole.
+
+    Raises:
+        OutputError: If one of them is nothing that wrenchflow made; nothing is removed then.
+    """
+    for name in names:
+        path = out / name
+        if path.is_dir() and not any((path / mark).exists() for mark in (NAME, "robomimic.manifest.json")):
+            raise OutputError(f"output '{path}' is no folder that wrenchflow made. Choose another place.")
+    for name in reversed(names):
+        path = out / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 class _Chain:

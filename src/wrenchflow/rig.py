@@ -3,6 +3,8 @@
 Every stage reads the rig. A recording carries the rig that it was made with, so no later stage has to guess it.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -11,8 +13,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from wrenchflow.config import from_mapping, load
+from wrenchflow.config import from_mapping, load, require_at_least
 from wrenchflow.errors import ConfigError, unknown
+from wrenchflow.signals import ARM_JOINTS
 
 Vector3 = tuple[float, float, float]
 Pose = tuple[float, float, float, float, float, float, float]
@@ -33,10 +36,14 @@ class RobotLimits:
     torque_rate_nm_s: JointValues
 
     def __post_init__(self) -> None:
-        n = len(self.position_min_rad)
-        for name in ("position_max_rad", "velocity_rad_s", "torque_nm", "torque_rate_nm_s"):
-            if len(getattr(self, name)) != n:
-                raise ConfigError(f"robot.{name} has {len(getattr(self, name))} values; position_min_rad has {n}.")
+        for name in ("position_min_rad", "position_max_rad", "velocity_rad_s", "torque_nm", "torque_rate_nm_s"):
+            values = getattr(self, name)
+            if len(values) != ARM_JOINTS:
+                raise ConfigError(
+                    f"robot.{name} has {len(values)} values, expected one for each of {ARM_JOINTS} joints."
+                )
+            _require(f"robot.{name}", values, positive=not name.startswith("position"))
+        _require_order("robot.position", self.position_min_rad, self.position_max_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +61,14 @@ class Sensor:
     noise_force_n: float
     noise_torque_nm: float
     lowpass_hz: float
+
+    def __post_init__(self) -> None:
+        _require_pose("sensor.T_flange_sensor", self.T_flange_sensor)
+        for name in ("rate_hz", "force_range_n", "torque_range_nm", "lowpass_hz"):
+            _require(f"sensor.{name}", (getattr(self, name),), positive=True)
+        for name in ("noise_force_n", "noise_torque_nm"):
+            _require(f"sensor.{name}", (getattr(self, name),))
+            require_at_least(0, **{f"sensor.{name}": getattr(self, name)})
 
     @property
     def noise(self) -> Float[np.ndarray, " 6"]:
@@ -73,6 +88,11 @@ class Payload:
     mass_kg: float
     com_sensor_m: Vector3
 
+    def __post_init__(self) -> None:
+        _require("payload.com_sensor_m", self.com_sensor_m)
+        require_at_least(0, **{"payload.mass_kg": self.mass_kg})
+        _require("payload.mass_kg", (self.mass_kg,))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Workspace:
@@ -80,6 +100,11 @@ class Workspace:
 
     min_m: Vector3
     max_m: Vector3
+
+    def __post_init__(self) -> None:
+        _require("workspace.min_m", self.min_m)
+        _require("workspace.max_m", self.max_m)
+        _require_order("workspace", self.min_m, self.max_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +116,31 @@ class Rig:
     T_flange_tcp: Pose
     payload: Payload
     workspace: Workspace
+
+    def __post_init__(self) -> None:
+        _require_pose("T_flange_tcp", self.T_flange_tcp)
+
+
+def _require(name: str, values: Sequence[float], *, positive: bool = False) -> None:
+    """Refuse values that are not finite, or not above 0 where they have to be: limits that are no limits."""
+    for value in values:
+        if not math.isfinite(value) or (positive and value <= 0.0):
+            raise ConfigError(
+                f"{name} holds {value:g}, expected {'numbers above 0' if positive else 'finite numbers'}."
+            )
+
+
+def _require_order(name: str, low: Sequence[float], high: Sequence[float]) -> None:
+    for a, b in zip(low, high, strict=True):
+        if not a < b:
+            raise ConfigError(f"{name} reaches from {a:g} to {b:g}, expected a lower end below the upper one.")
+
+
+def _require_pose(name: str, pose: Pose) -> None:
+    _require(name, pose)
+    norm = math.hypot(*pose[3:])
+    if abs(norm - 1.0) > 1e-6:
+        raise ConfigError(f"{name} has a quaternion (qw qx qy qz) of length {norm:g}, expected 1.")
 
 
 def load_rig(name_or_path: str) -> Rig:

@@ -4,6 +4,7 @@ import re
 import shutil
 import tomllib
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import h5py
@@ -66,6 +67,8 @@ def bad(chain, tmp_path_factory) -> Path:
     (at / "wrong_type.toml").write_text('episodes = "three"\n')
     (at / "wrong_value.toml").write_text('features = "with_feeling"\n')
     (at / "not.toml").write_text("episodes = = 3\n")
+    built_in = (resources.files("wrenchflow") / "panda_peg.toml").read_text()
+    (at / "no_limits.toml").write_text(built_in.replace("torque_nm = [87.0", "torque_nm = [nan"))
     (at / "own_rig.toml").write_text('T_flange_tcp = [0, 0, 0.1, 1, 0, 0, 0]\n[robott]\nname = "x"\n')
     return at
 

@@ -149,6 +149,24 @@ def test_ctrl_c_while_the_command_line_loads():
     assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "wrenchflow: interrupted.\n")
 
 
+def test_ctrl_c_that_falls_into_a_callback_is_heard():
+    program = (
+        "import os, signal, sys, time, weakref\n"
+        "import wrenchflow.cli\n"
+        "class Thing: pass\n"
+        "def fall(_): os.kill(os.getpid(), signal.SIGINT)\n"
+        "def work(*_):\n"
+        "    thing = Thing(); reference = weakref.ref(thing, fall)\n"
+        "    del thing\n"
+        "    time.sleep(60)\n"
+        "wrenchflow.cli.main = work\n"
+        "from wrenchflow.__main__ import main\n"
+        "sys.exit(main())"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=50)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "wrenchflow: interrupted.\n")
+
+
 def test_a_reader_that_has_gone_gets_no_traceback():
     reading, writing = os.pipe()
     os.close(reading)

@@ -93,3 +93,30 @@ def test_it_keeps_what_is_there_unless_told(quickstart, wrenchflow):
     for label in ("policy, with force", "force zeroed", "without force", "blind spiral"):
         assert re.search(rf"{label} +[\d.]+% +\[[\d.]+%, [\d.]+%\] +[\d.]+ / [\d.]+ N", again.stdout), label
     assert re.search(r"seconds +collect \d", again.stdout)
+
+
+def test_replacing_stops_before_anything_that_is_not_ours_and_an_old_page_never_stands_beside_new_data(
+    wrenchflow, tmp_path, monkeypatch
+):
+    from wrenchflow import quickstart
+
+    out = tmp_path / "out"
+    for name in ("raw", "clean", "run"):
+        (out / name).mkdir(parents=True)
+        (out / name / "manifest.json").write_text("{}")
+    (out / "index.html").write_text("of the old run")
+    (out / "rollouts").mkdir()
+    (out / "rollouts" / "thesis.txt").write_text("precious")
+    ran = wrenchflow("quickstart", out, *TINY, "--overwrite")
+    assert ran.code == 1
+    assert "is no folder that wrenchflow made" in ran.stderr
+    assert (out / "index.html").exists()
+    (out / "rollouts" / "thesis.txt").unlink()
+    (out / "rollouts").rmdir()
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(quickstart, "collect_folder", interrupted)
+    assert wrenchflow("quickstart", out, *TINY, "--overwrite").code == 130
+    assert list(out.iterdir()) == []

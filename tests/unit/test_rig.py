@@ -43,7 +43,7 @@ def test_a_rig_of_ones_own_is_a_toml_file(tmp_path: Path):
     with pytest.raises(ConfigError, match="Did you mean 'mass_kg'"):
         load_rig(str(path))
     path.write_text(text.replace("torque_nm = [87.0, ", "torque_nm = ["))
-    with pytest.raises(ConfigError, match=r"^robot.torque_nm has 6 values; position_min_rad has 7\.$"):
+    with pytest.raises(ConfigError, match=r"^robot.torque_nm has 6 values, expected one for each of 7 joints\.$"):
         load_rig(str(path))
 
 
@@ -52,3 +52,28 @@ def test_a_rig_that_does_not_exist_is_refused_with_the_nearest_one(tmp_path: Pat
         load_rig("panda_pegg")
     with pytest.raises(ConfigError, match="does not exist"):
         load_rig(str(tmp_path / "none.toml"))
+
+
+@pytest.mark.parametrize(
+    ("was", "is_", "message"),
+    [
+        ("torque_nm = [87.0", "torque_nm = [nan", r"robot\.torque_nm holds nan, expected numbers above 0"),
+        ("torque_nm = [87.0", "torque_nm = [-87.0", r"robot\.torque_nm holds -87"),
+        ("torque_rate_nm_s = [1000.0", "torque_rate_nm_s = [inf", r"robot\.torque_rate_nm_s holds inf"),
+        ("position_min_rad = [-2.8973", "position_min_rad = [2.9", r"robot\.position reaches from 2\.9 to 2\.8973"),
+        ("min_m = [0.25", "min_m = [nan", r"workspace\.min_m holds nan"),
+        ("min_m = [0.25", "min_m = [0.80", r"workspace reaches from 0\.8 to 0\.75"),
+        ("mass_kg = 0.45", "mass_kg = -1.0", r"payload\.mass_kg is -1"),
+        ("mass_kg = 0.45", "mass_kg = inf", r"payload\.mass_kg holds inf"),
+        ("rate_hz = 1000.0", "rate_hz = 0.0", r"sensor\.rate_hz holds 0"),
+        ("lowpass_hz = 150.0", "lowpass_hz = 0.0", r"sensor\.lowpass_hz holds 0"),
+        ("0.9238795325112867", "0.0", "T_flange_tcp has a quaternion .* of length 0.38"),
+    ],
+)
+def test_limits_that_are_no_limits_are_refused(tmp_path: Path, was: str, is_: str, message: str):
+    text = (resources.files("wrenchflow") / "panda_peg.toml").read_text()
+    assert was in text
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(was, is_, 1))
+    with pytest.raises(ConfigError, match=message):
+        load_rig(str(path))

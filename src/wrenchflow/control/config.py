@@ -35,6 +35,8 @@ class ControlConfig:
     turn_max_rad_s: float = 1.0
     stiffness_max_n_m: float = 1500.0
     stiffness_max_nm_rad: float = 60.0
+    # More damping than this is mostly the noise of the measured velocity: from three on it fills the torque's rate.
+    damping_ratio_max: float = 2.0
     # Shares of the robot's own limits that a command may use: a margin for what happens between two ticks.
     torque_share: float = 0.96
     torque_rate_share: float = 0.5

@@ -37,6 +37,7 @@ class Controller:
         state["turn_step_max"] = config.turn_max_rad_s * TICK_S
         state["workspace_min"], state["workspace_max"] = rig.workspace.min_m, rig.workspace.max_m
         state["K_lin_max"], state["K_rot_max"] = config.stiffness_max_n_m, config.stiffness_max_nm_rad
+        state["damping_ratio_max"] = config.damping_ratio_max
 
     def start(self, impedance: Impedance) -> None:
         """Begin at the observed pose, which becomes the target."""

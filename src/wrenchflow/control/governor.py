@@ -8,6 +8,9 @@ import math
 from wrenchflow.compiled import kernel
 from wrenchflow.so3 import exp_into, log_into, multiply_into, multiply_transposed_into
 
+FURTHEST_M = 10.0  # No arm reaches further.
+MOST_RAD = 7.0  # No segment turns further: a whole turn and a bit.
+
 
 @kernel
 def all_finite(values):
@@ -45,25 +48,41 @@ def is_stiffness(K):
             return False
         if K[j, j] * K[k, k] - K[j, k] * K[k, j] < -1e-9 * scale * scale:
             return False
-    determinant = (
-        K[0, 0] * (K[1, 1] * K[2, 2] - K[1, 2] * K[2, 1])
-        - K[0, 1] * (K[1, 0] * K[2, 2] - K[1, 2] * K[2, 0])
-        + K[0, 2] * (K[1, 0] * K[2, 1] - K[1, 1] * K[2, 0])
+    return _determinant(K) >= -1e-9 * scale * scale * scale
+
+
+@kernel
+def _determinant(A):
+    return (
+        A[0, 0] * (A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1])
+        - A[0, 1] * (A[1, 0] * A[2, 2] - A[1, 2] * A[2, 0])
+        + A[0, 2] * (A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0])
     )
-    return determinant >= -1e-9 * scale * scale * scale
+
+
+@kernel
+def all_within(values, bound):
+    """Whether every value is from -bound to bound; NaN is not."""
+    for value in values.flat:  # noqa: SIM110 (numba compiles the loop, not the generator)
+        if not abs(value) <= bound:
+            return False
+    return True
 
 
 @kernel
 def request_is_sound(req):
-    """Whether a request is finite, its rotation is one, and its spring and damper cannot drive the arm."""
-    if not (all_finite(req.x_start) and all_finite(req.x_stop) and all_finite(req.R_start) and all_finite(req.turn)):
+    """Whether a request can be meant: places in reach of any arm, a rotation, and a spring that pulls back.
+
+    How far, how fast, how stiff and how damped is for the limits, not for this gate; it keeps out what arithmetic
+    cannot bear.
+    """
+    if not (all_within(req.x_start, FURTHEST_M) and all_within(req.x_stop, FURTHEST_M)):
         return False
-    if not (
-        all_finite(req.x_offset)
-        and all_finite(req.K_lin)
-        and all_finite(req.K_rot)
-        and math.isfinite(req.damping_ratio)
-    ):
+    if not (all_within(req.x_offset, FURTHEST_M) and all_within(req.turn, MOST_RAD) and all_finite(req.R_start)):
+        return False
+    if not (all_finite(req.K_lin) and all_finite(req.K_rot) and math.isfinite(req.damping_ratio)):
+        return False
+    if _determinant(req.R_start) < 0.0:  # A mirror is orthonormal too.
         return False
     for i in range(3):
         for j in range(3):
@@ -90,7 +109,9 @@ def limit_stiffness(K, K_max, out):
 
 @kernel
 def leash_position(ctl, x):
-    """Retract the reference to where its spring pulls with `force_max` at most, then step it towards the target.
+    """Retract the reference to where its spring pulls with `force_max` at most on each axis, then step it on.
+
+    The leash is a box, so that a push along one axis does not take from the others; `cap_norm` bounds the whole force.
 
     The retraction costs no energy, so nothing limits it. The voluntary step is limited in speed. Both ends of that step
     lie in the leash, so the reference ends in it at every tick.
@@ -140,6 +161,8 @@ def _pull_within(rotation, centre, angle_max, work, vector):
         return
     log_into(difference, vector)
     angle = math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    if angle <= angle_max:  # Rounding: a cosine of a little less than 1 is of no angle at all.
+        return
     share = angle_max / angle
     exp_into(share * vector[0], share * vector[1], share * vector[2], difference)
     multiply_into(difference, centre, turned)

@@ -20,10 +20,16 @@ from wrenchflow.control.governor import (
 from wrenchflow.control.records import FAULT_NONE, FAULT_STATE, FAULT_TORQUE, JOINTS
 from wrenchflow.so3 import exp_into, log_into, multiply_into, multiply_transposed_into
 
+BRAKE_NM_S_RAD = 10.0  # After a fault: stops the arm in half a second, and is no match for a hand.
+
 
 @kernel
 def start(obs, ctl):
-    """Begin where the arm is: the reference, the target and the nullspace posture are the measured ones."""
+    """Begin where the arm is: the reference, the target and the nullspace posture are the measured ones.
+
+    The torque goes on from the last command, at its rate limit: whoever starts again may be pressing. A fault is
+    cleared.
+    """
     ctl.tick = 0
     ctl.segment_tick = 0
     ctl.rejected = 0
@@ -37,7 +43,6 @@ def start(obs, ctl):
             ctl.R_target[i, j] = obs.R[i, j]
     for i in range(JOINTS):
         ctl.q_null[i] = obs.q[i]
-        ctl.tau[i] = 0.0
 
 
 @kernel
@@ -45,10 +50,12 @@ def tick(obs, req, ctl):
     """Decide the torque of one tick into `ctl.tau` [N.m], without gravity.
 
     A request that is not sound is counted and not followed: the last target stays. A state or a torque that is not
-    finite latches a fault, and the command falls to zero at the rate limit; gravity stays compensated by the robot.
+    finite latches a fault: the command goes, at the rate limit, to what brakes every joint, or to zero while the state
+    cannot be read. Gravity stays compensated by the robot.
     """
     ctl.tau_wanted[:] = 0.0
-    if not state_is_finite(obs):
+    is_finite = state_is_finite(obs)
+    if not is_finite:
         ctl.fault = FAULT_STATE
     if ctl.fault == FAULT_NONE:
         _take_request(req, ctl)
@@ -59,7 +66,9 @@ def tick(obs, req, ctl):
         _law(obs, ctl)
         if not all_finite(ctl.tau_wanted):
             ctl.fault = FAULT_TORQUE
-            ctl.tau_wanted[:] = 0.0
+    if ctl.fault != FAULT_NONE:
+        for j in range(JOINTS):
+            ctl.tau_wanted[j] = -BRAKE_NM_S_RAD * obs.dq[j] if is_finite else 0.0
     limit_torque(ctl)
     ctl.tick += 1
 
@@ -89,7 +98,7 @@ def _take_request(req, ctl):
         ctl.x_offset[i] = req.x_offset[i]
     limit_stiffness(req.K_lin, ctl.K_lin_max, ctl.K_lin)
     limit_stiffness(req.K_rot, ctl.K_rot_max, ctl.K_rot)
-    ctl.damping_ratio = req.damping_ratio
+    ctl.damping_ratio = min(req.damping_ratio, ctl.damping_ratio_max)
 
 
 @kernel

@@ -79,6 +79,7 @@ CTL = _record(
         ("workspace_max", "f8", 3),
         ("K_lin_max", "f8"),  # [N/m]
         ("K_rot_max", "f8"),  # [N.m/rad]
+        ("damping_ratio_max", "f8"),
         # What a tick works with, kept here so that the loop allocates nothing.
         ("e", "f8", 6),  # error of the pose, world-aligned [m, rad]
         ("V", "f8", 6),  # twist [m/s, rad/s]

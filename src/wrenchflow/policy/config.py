@@ -113,6 +113,8 @@ class PolicyConfig:
 
     def __post_init__(self) -> None:
         _require_positive("policy", n_obs_steps=self.n_obs_steps, n_action_steps=self.n_action_steps)
+        if self.horizon > _LONGEST_STEPS:
+            raise ConfigError(f"horizon is {self.horizon} steps, expected at most {_LONGEST_STEPS}.")
         if self.horizon < self.n_obs_steps - 1 + self.n_action_steps:
             raise ConfigError(
                 f"horizon is {self.horizon} steps, too short to hold {self.n_obs_steps} observation steps and "
@@ -124,6 +126,9 @@ class PolicyConfig:
                 f"horizon is {self.horizon} steps, expected a multiple of {halvings} for a U-Net of "
                 f"{len(self.unet.widths)} levels."
             )
+
+
+_LONGEST_STEPS = 1024
 
 
 def _require_positive(where: str, **values: int) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from wrenchflow.config import require_positive
 from wrenchflow.errors import ConfigError
 
 
@@ -27,6 +28,12 @@ class BiasConfig:
     max_force_n: float = 2.0
 
     def __post_init__(self) -> None:
+        require_positive(
+            **{
+                f"bias.{name}": getattr(self, name)
+                for name in ("max_joint_velocity_rad_s", "max_spread", "max_drift", "max_force_n")
+            }
+        )
         if not 0.0 < self.min_window_s <= self.window_s:
             raise ConfigError(
                 f"bias.window_s must be at least bias.min_window_s and that above 0, "
@@ -72,5 +79,4 @@ class ProcessConfig:
     contact: ContactConfig = field(default_factory=ContactConfig)
 
     def __post_init__(self) -> None:
-        if not self.cutoff_hz > 0.0:
-            raise ConfigError(f"cutoff_hz must be above 0, got {self.cutoff_hz:g}.")
+        require_positive(cutoff_hz=self.cutoff_hz)

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from wrenchflow.config import require_at_least, require_positive
+from wrenchflow.config import require_at_least
 from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,4 +31,5 @@ class AttemptConfig:
 
     def __post_init__(self) -> None:
         require_at_least(1, episodes=self.episodes)
-        require_positive(tare_s=self.tare_s)
+        if not 0.4 <= self.tare_s <= 60.0:  # Its second half is what the bias is told from.
+            raise ConfigError(f"tare_s is {self.tare_s:g}, expected from 0.4 to 60.")

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.signal import butter
 
 from wrenchflow.compiled import kernel
+from wrenchflow.errors import ConfigError
 from wrenchflow.rig import Sensor
 
 SENSOR = np.dtype(
@@ -41,7 +42,13 @@ class SensorFaults:
 
 
 def make_sensor(sensor: Sensor, faults: SensorFaults, rng: np.random.Generator, tick_s: float) -> np.ndarray:
-    """One `SENSOR` record with a bias and a drift drawn for this power-up."""
+    """One `SENSOR` record with a bias and a drift drawn for this power-up.
+
+    Raises:
+        ConfigError: If the sensor's low-pass cannot be simulated at this tick.
+    """
+    if sensor.lowpass_hz * tick_s >= 0.5:
+        raise ConfigError(f"sensor.lowpass_hz is {sensor.lowpass_hz:g}, expected below {0.5 / tick_s:g} in simulation.")
     record = np.zeros(1, SENSOR)
     state = record[0]
     state["bias"] = rng.uniform(-1, 1, 6) * np.repeat([faults.bias_force_n, faults.bias_torque_nm], 3)

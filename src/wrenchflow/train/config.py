@@ -51,6 +51,9 @@ class TrainConfig:
         require_at_least(0, warmup_steps=self.warmup_steps, weight_decay=self.weight_decay, seed=self.seed)
         require_at_least(0, ema_power=self.ema_power)
         require_positive(learning_rate=self.learning_rate)
+        for name, most in (("batch_size", 1 << 16), ("threads", 256)):
+            if getattr(self, name) > most:
+                raise ConfigError(f"{name} is {getattr(self, name)}, expected at most {most}.")
         for name in ("valid_fraction", "ema_max_decay"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise ConfigError(f"{name} is {getattr(self, name)}, expected from 0 to below 1.")
