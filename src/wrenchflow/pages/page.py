@@ -11,7 +11,7 @@ from wrenchflow.pages.theme import STYLE
 # The browser itself then refuses whatever would need a network.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 
-_NBSP = "\u00a0"  # A value and its unit stay on one line.
+NBSP = "\u00a0"  # A value and its unit stay on one line.
 
 
 def page(title: str, sections: Sequence[str], footer: str) -> str:
@@ -103,17 +103,17 @@ def bar(share: float, label: str, *, interval: tuple[float, float] | None = None
 
 def amount(value: float | None, digits: int, unit: str = "") -> str:
     """A value with its unit, or what stands where there is none."""
-    return "not assessed" if value is None else f"{value:,.{digits}f}" + (f"{_NBSP}{unit}" if unit else "")
+    return "not assessed" if value is None else f"{value:,.{digits}f}" + (f"{NBSP}{unit}" if unit else "")
 
 
 def percent(rate: float) -> str:
     """A rate between 0 and 1, in percent."""
-    return f"{100.0 * rate:.1f}{_NBSP}%"
+    return f"{100.0 * rate:.1f}{NBSP}%"
 
 
 def between(interval: Sequence[float]) -> str:
     """An interval of rates, in percent."""
-    return f"{100.0 * interval[0]:.1f} to {100.0 * interval[1]:.1f}{_NBSP}%"
+    return f"{100.0 * interval[0]:.1f} to {100.0 * interval[1]:.1f}{NBSP}%"
 
 
 def chance(p_value: float) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from wrenchflow.pages.page import amount, bar, between, card, cards, chance, link, percent, section, table
+from wrenchflow.pages.page import NBSP, amount, bar, between, card, cards, chance, link, percent, section, table
 from wrenchflow.pages.plot_block import plot_block
 from wrenchflow.pages.result_plots import peak_force_figure
 
@@ -89,7 +89,7 @@ def _arm_row(arm: Arm, note: str, summary: Mapping[str, Any]) -> tuple[str, ...]
     words = f"{arm.name}: {percent(rate)}, 95 % interval {between(interval)}"
     p_value = summary.get(f"{arm.prefix}p_value")
     if p_value is not None:
-        note += f"; {chance(p_value)} against the policy"
+        note += f"; {chance(p_value).replace(' ', NBSP)} against the policy"
     return (
         f"{escape(arm.name)}<small>{escape(note)}</small>",
         f'<td class="figure">{percent(rate)}</td>',
