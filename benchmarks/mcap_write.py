@@ -18,8 +18,8 @@ from mcap.writer import Writer
 
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.recording import codec, schemas
+from wrenchflow.recording.compression import compressor
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.sink import compressor
 from wrenchflow.recording.writer import write_episode
 from wrenchflow.signals import JOINTS, POSE, WRENCH, Signal
 
@@ -116,7 +116,7 @@ def main() -> None:
     samples = in_order_of_time(whole)
     ours_s, theirs_s = [], []
     ours_bytes = theirs_bytes = 0
-    with tempfile.TemporaryDirectory() as folder, patch("mcap.writer.zstandard.compress", compressor().compress):
+    with tempfile.TemporaryDirectory() as folder, patch("mcap.writer.zstandard.compress", compressor("zstd")):
         ours, theirs = Path(folder, "ours.mcap"), Path(folder, "theirs.mcap")
         for repeat in range(REPEATS + 1):  # The first round warms up, and compares.
             times = wall_s(lambda: write_episode(ours, whole)), wall_s(lambda: write_with_mcap(theirs, whole, samples))

@@ -11,11 +11,17 @@ from typing import Any
 import tyro
 
 from wrenchflow import __version__
-from wrenchflow.commands import COMMANDS, Command, Stage
+from wrenchflow.commands import (
+    COMMANDS,
+    EXIT_DONE,
+    EXIT_ERROR,
+    EXIT_INTERRUPTED,
+    EXIT_USAGE,
+    Command,
+    Stage,
+)
 from wrenchflow.config import load, to_mapping
 from wrenchflow.errors import ConfigError, WrenchflowError
-
-EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # tyro leaves so: after its help, or with its own word on a usage error.
         return EXIT_USAGE if stop.code else EXIT_DONE
     print(json.dumps(result) if command.json else "\n".join(command.text(result)))
-    return EXIT_DONE
+    return command.code(result)
 
 
 def _parse(arguments: list[str]) -> Command:

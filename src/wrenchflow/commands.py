@@ -11,12 +11,15 @@ from tqdm import tqdm
 from tyro.conf import Positional, arg
 
 from wrenchflow.collect.config import CollectConfig
+from wrenchflow.config import to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
-from wrenchflow.told import quickstart_lines, result_lines
+from wrenchflow.told import quickstart_lines, result_lines, validation_lines
 from wrenchflow.train.config import TrainConfig
+
+EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
 Jobs = Annotated[int, arg(help="Worker processes.")]
@@ -45,6 +48,10 @@ class Command(ABC):
     def text(self, result: dict[str, Any]) -> list[str]:
         """The result as lines for a person."""
         return result_lines(result)
+
+    def code(self, result: dict[str, Any]) -> int:
+        """The exit code that a result stands for."""
+        return EXIT_DONE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,6 +221,62 @@ class Info(Command):
         return describe(self.path)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Validate(Command):
+    """Look at every byte of a recording and say all that is wrong; exit code 1 if anything is."""
+
+    path: Annotated[Positional[Path], arg(metavar="FILE", help="A recording (.mcap).")]
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.recording.validate import validate
+
+        found = validate(self.path)
+        return {
+            "valid": not found.problems,
+            "problems": list(found.problems),
+            "streams": {name: to_mapping(report) for name, report in found.streams.items()},
+        }
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """Problems, then a line a stream."""
+        return validation_lines(result)
+
+    def code(self, result: dict[str, Any]) -> int:
+        """1 for a file that is not valid."""
+        return EXIT_DONE if result["valid"] else EXIT_ERROR
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recover(Command):
+    """Save what can be saved of a recording that was cut off or damaged, ours or another's; it stays as it is."""
+
+    path: Annotated[Positional[Path], arg(metavar="FILE", help="A recording, or what is left of one (.partial).")]
+    out: Annotated[Path | None, arg(metavar="OUT", help="The new file; without it, <name>.recovered.mcap.")] = None
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.recording.recover import recover
+
+        name = self.path.name.removesuffix(".partial").removesuffix(".mcap")
+        out = self.out or self.path.with_name(f"{name}.recovered.mcap")
+        return {**to_mapping(recover(self.path, out)), "out": str(out)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay(Command):
+    """Drive the simulated arm with a recording's torques, and say how far it comes to lie from what was recorded."""
+
+    path: Annotated[Positional[Path], arg(metavar="FILE", help="A recording made in simulation (.mcap).")]
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.recording.reader import read_episode
+        from wrenchflow.sim.replay import replay
+
+        return to_mapping(replay(read_episode(self.path)))
+
+
 COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
     {
         "quickstart": Quickstart,
@@ -223,6 +286,9 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
         "train": Train,
         "deploy": Deploy,
         "info": Info,
+        "validate": Validate,
+        "recover": Recover,
+        "replay": Replay,
     }
 )
 

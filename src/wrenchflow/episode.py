@@ -97,6 +97,10 @@ class Event:
         if self.stop_ns < self.start_ns:
             raise StreamError(f"event '{self.kind}' stops at {self.stop_ns}, before it starts at {self.start_ns}.")
 
+    def moved(self, offset_ns: int) -> "Event":
+        """The same on a clock that shows `offset_ns` more."""
+        return replace(self, start_ns=self.start_ns + offset_ns, stop_ns=self.stop_ns + offset_ns)
+
 
 @dataclass(frozen=True)
 class Episode:

@@ -28,6 +28,21 @@ def _said(value: Any) -> str:
     return "none" if value == {} else str(value)
 
 
+def validation_lines(found: Mapping[str, Any]) -> list[str]:
+    """What `validate` says: the verdict, each problem, and how regular each stream is."""
+    lines = ["valid" if found["valid"] else "not valid", *(f"  {problem}" for problem in found["problems"])]
+    width = max((len(name) for name in found["streams"]), default=0)
+    if width:
+        lines.append(f"{'stream':<{width}}  samples    rate     gaps  longest gap    jitter  not finite")
+    for name, report in found["streams"].items():
+        rate = "-" if not report["period_s"] else f"{1.0 / report['period_s']:.0f} Hz"
+        lines.append(
+            f"{name:<{width}}  {report['samples']:7}  {rate:>7}  {report['gaps']:5}  "
+            f"{report['longest_gap_s'] * 1e3:8.1f} ms  {report['jitter_s'] * 1e6:5.1f} us  {report['not_finite']:10}"
+        )
+    return lines
+
+
 def quickstart_lines(summary: Mapping[str, Any]) -> list[str]:
     """The short table that `quickstart` ends with."""
 

@@ -66,6 +66,7 @@ def bad(chain, tmp_path_factory) -> Path:
     (at / "unknown_nested_key.toml").write_text("[policy.mlp]\nwidht = 3\n")
     (at / "wrong_type.toml").write_text('episodes = "three"\n')
     (at / "wrong_value.toml").write_text('features = "with_feeling"\n')
+    (at / "zip.toml").write_text('compression = "zip"\n')
     (at / "not.toml").write_text("episodes = = 3\n")
     built_in = (resources.files("wrenchflow") / "panda_peg.toml").read_text()
     (at / "no_limits.toml").write_text(built_in.replace("torque_nm = [87.0", "torque_nm = [nan"))

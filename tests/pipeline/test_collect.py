@@ -160,12 +160,12 @@ def test_names_that_do_not_exist_are_refused_before_anything_is_written(tmp_path
 
 
 def test_a_tool_that_is_touched_during_the_tare_is_not_tared(peg, peg_model, rig):
-    from wrenchflow.collect.session import _Session
+    from wrenchflow.collect.session import Session
 
     attempt = Attempt(peg, peg_model, rig, AttemptConfig(), seed=(0, 0))
     attempt.plant.rows["wrench_raw"][700:, 2] += 8.0
     with pytest.raises(CalibrationError):
-        _Session(attempt, make_operator("scripted", CONFIG), CONFIG)
+        Session(attempt, make_operator("scripted", CONFIG), CONFIG)
 
 
 def test_an_attempt_ends_at_its_time_limit_with_the_name_of_its_failure(peg, peg_model, rig):

@@ -1,6 +1,7 @@
 """What a person may set about `collect`; loads nothing heavy, so that the command line can show it at once."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from wrenchflow.collect.device import TwistMap
 from wrenchflow.config import require_at_least, require_positive
@@ -19,6 +20,8 @@ class CollectConfig(AttemptConfig):
         disturbance_m: Standard deviation of a slow disturbance of the tracked reference, which shows how errors are
             put right [m]; recorded targets are without it.
         disturbance_s: How long it is correlated [s].
+        realtime: Let ticks go by the clock, and record while it happens, as on a real arm; one episode after the other.
+        compression: Of the recordings: zstd, lz4 or none.
         twist_map: How the device's axes move the target.
     """
 
@@ -27,6 +30,8 @@ class CollectConfig(AttemptConfig):
     device_hz: int = 200
     disturbance_m: float = 0.0003
     disturbance_s: float = 0.2
+    realtime: bool = False
+    compression: Literal["zstd", "lz4", "none"] = "zstd"
     twist_map: TwistMap = field(default_factory=TwistMap)
 
     def __post_init__(self) -> None:

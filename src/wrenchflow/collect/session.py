@@ -64,7 +64,7 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
     task, rig, model = scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
     attempt = Attempt(task, model, rig, config, seed=(config.seed, index, scenes))
-    session = _Session(attempt, operator, config)
+    session = Session(attempt, operator, config)
     while not attempt.over:
         session.period()
     return attempt.episode(
@@ -76,7 +76,7 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
     )
 
 
-class _Session:
+class Session:
     """One attempt with an operator at the device: what they feel, what the device reports, where the target goes."""
 
     def __init__(self, attempt: Attempt, operator: Operator, config: CollectConfig) -> None:
@@ -125,6 +125,11 @@ class _Session:
         self._disturbance_m = keep * self._disturbance_m + fresh
         return self._disturbance_m
 
+    @property
+    def report(self) -> tuple[int, np.ndarray, np.ndarray]:
+        """The device's last report: its stamp [ns], axes and buttons, and the twist that they stand for."""
+        return self._t[-1], self._joy[-1], self._twist[-1]
+
     def streams(self) -> dict[str, Stream]:
         """What the device reported."""
         t = np.array(self._t, np.int64)
@@ -155,7 +160,7 @@ class _Record:
 
     def __call__(self, index: int) -> Demonstration:
         episode = demonstrate(index, self.config)
-        write_episode(self.folder / f"{episode.id}.mcap", episode)
+        write_episode(self.folder / f"{episode.id}.mcap", episode, self.config.compression)
         outcome = Outcome(**episode.meta["result"])
         return Demonstration(id=episode.id, samples=len(episode["tcp_pose"]), outcome=outcome)
 
@@ -179,5 +184,11 @@ def collect_folder(
     scenery(config.task, config.rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
-        yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs, executor=executor)
+        if config.realtime:
+            from wrenchflow.collect.realtime import demonstrate_in_real_time
+
+            # One after the other: what runs by the clock shares a core with nothing.
+            yield from (demonstrate_in_real_time(index, config, folder) for index in range(config.episodes))
+        else:
+            yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs, executor=executor)
         write_manifest(folder, "collect", config, seed=config.seed)

@@ -8,9 +8,7 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
-import lz4.frame
 import numpy as np
-import zstandard
 from jaxtyping import UInt8, UInt64
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -19,6 +17,7 @@ from mcap.records import Channel, DataEnd, Footer, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from wrenchflow.errors import RecordingError
+from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
 
 _PREFIX = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQI")
@@ -187,23 +186,21 @@ class Container:
         Raises:
             RecordingError: If the bytes do not decompress to what the chunk says that they are.
         """
+        if chunk.size > MAX_CHUNK_BYTES:
+            raise self.damaged(f"a chunk claims {chunk.size} bytes, where {MAX_CHUNK_BYTES} are the most")
         try:
-            match chunk.compression:
-                case "":
-                    data = chunk.data
-                case "zstd":
-                    data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.size)
-                case "lz4":
-                    data = lz4.frame.decompress(chunk.data)
-                case other:
-                    raise RecordingError(f"{self.path} is compressed with '{other}'. Readable: zstd, lz4 and none.")
-        except (zstandard.ZstdError, RuntimeError, OverflowError, MemoryError) as error:
-            raise self.damaged("a chunk cannot be decompressed") from error
+            data = decompress(chunk.data, chunk.compression, chunk.size)
+        except RecordingError as error:
+            raise RecordingError(f"{self.path}: {error}") from error
         if len(data) != chunk.size or (chunk.crc and zlib.crc32(data) != chunk.crc):
             raise self.damaged("the checksum of a chunk does not match")
         if not self._is_indexed(chunk):
-            self._walk(chunk, data)
+            chunk.index = self._walk(data)
         return np.frombuffer(data, np.uint8)
+
+    def walk(self, chunk: Chunk) -> dict[int, UInt64[np.ndarray, "n 2"]]:
+        """The index that a chunk's messages themselves make up, whatever the file states; slow."""
+        return self._walk(memoryview(self.unpack(chunk)))
 
     def index(self, chunk: Chunk) -> dict[int, UInt64[np.ndarray, "n 2"]]:
         """Log time [ns] and offset of each message of a chunk by channel id, without decompression if possible."""
@@ -214,7 +211,7 @@ class Container:
     def _is_indexed(self, chunk: Chunk) -> bool:
         return bool(chunk.index) and chunk.index.keys() <= self.channels.keys()
 
-    def _walk(self, chunk: Chunk, data: memoryview | bytes) -> None:
+    def _walk(self, data: memoryview | bytes) -> dict[int, UInt64[np.ndarray, "n 2"]]:
         offsets: dict[int, list[tuple[int, int]]] = {}
         for opcode, start, end in self._records(data, 0, len(data)):
             if opcode == Opcode.MESSAGE:
@@ -226,7 +223,7 @@ class Container:
                 self._add_definition(opcode, data, start, end)
         if not offsets.keys() <= self.channels.keys():
             raise self.damaged("a chunk has messages of a channel that it does not describe")
-        chunk.index = {channel: np.array(rows, np.uint64) for channel, rows in offsets.items()}
+        return {channel: np.array(rows, np.uint64) for channel, rows in offsets.items()}
 
 
 def _open(path: Path) -> memoryview:

@@ -148,7 +148,8 @@ class Layout:
         t: Int64[np.ndarray, " n"],
         data: Float[np.ndarray, "n d"],
         *,
-        first: int,
+        sequence: Int64[np.ndarray, " n"],
+        received: Int64[np.ndarray, " n"],
         out: UInt8[np.ndarray, "n size"],
     ) -> None:
         """Write the records of consecutive samples.
@@ -156,13 +157,14 @@ class Layout:
         Args:
             t: Time stamps [ns]. Shape (n,).
             data: Rows of the signal, which `check` has passed. Shape (n, d).
-            first: Sequence number of the first sample.
+            sequence: Number of each sample at its source. Shape (n,).
+            received: When each was had [ns]. Shape (n,).
             out: Where the records go.
         """
         out[:] = self.template
         fields = out.view(self.varying)[:, 0]
-        fields["sequence"] = np.arange(first, first + len(t))
-        fields["log_time"] = fields["publish_time"] = t
+        fields["sequence"] = sequence
+        fields["log_time"], fields["publish_time"] = received, t
         if self._has_stamp:
             seconds = t // SECOND_NS
             fields["sec"] = seconds

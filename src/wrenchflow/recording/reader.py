@@ -174,7 +174,7 @@ def _read_head(container: Container) -> _Head:
         meta = {
             key.removeprefix(META_PREFIX): json.loads(entries[key]) for key in entries if key.startswith(META_PREFIX)
         }
-        meta |= {"result": json.loads(result["result"])} if "result" in result else {}
+        meta |= {key: json.loads(result[key]) for key in ("result", "recorded") if key in result}
         streams = {
             name: (Signal(of["kind"], tuple(of["columns"]), tuple(of["units"])), of["frame"])
             for name, of in json.loads(entries["streams"]).items()

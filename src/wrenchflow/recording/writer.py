@@ -57,7 +57,9 @@ class EpisodeWriter:
     until the `with` block ends in the ordinary way; if it ends in an exception, the partial file stays as it is.
     """
 
-    def __init__(self, path: Path, *, id: str, task: str, meta: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, path: Path, *, id: str, task: str, meta: Mapping[str, Any] | None = None, compression: str = "zstd"
+    ) -> None:
         """Start the file.
 
         Args:
@@ -65,8 +67,10 @@ class EpisodeWriter:
             id: Name of the episode.
             task: The task that is attempted.
             meta: JSON values that are known at the start.
+            compression: One of `compression.NAMES`.
 
         Raises:
+            ConfigError: If there is no such compression.
             OutputError: If the path is taken or cannot be written.
             StreamError: If `meta` holds what JSON cannot.
         """
@@ -76,7 +80,7 @@ class EpisodeWriter:
         self._n_events = 0
         self._pending = PendingChunk()
         self._started = self._finished = False
-        self._sink = Sink(path)
+        self._sink = Sink(path, compression)
 
     def __enter__(self) -> "EpisodeWriter":
         return self
@@ -88,7 +92,11 @@ class EpisodeWriter:
             if kind is None and not self._finished:
                 self.finish()
         finally:
-            self._sink.close()
+            self.close()
+
+    def close(self) -> None:
+        """Let go of the file; unless it was finished, it stays `.partial`."""
+        self._sink.close()
 
     def add_stream(self, name: str, signal: Signal, frame: str = "") -> None:
         """Declare a stream.
@@ -110,19 +118,29 @@ class EpisodeWriter:
         channel = _EVENTS_CHANNEL + 1 + len(self._topics)
         self._topics[name] = _Topic(channel, Layout.for_stream(signal, frame, channel), frame)
 
-    def write(self, name: str, t: Int64[np.ndarray, " n"], rows: Float[np.ndarray, "n d"]) -> None:
+    def write(
+        self,
+        name: str,
+        t: Int64[np.ndarray, " n"],
+        rows: Float[np.ndarray, "n d"],
+        *,
+        received: Int64[np.ndarray, " n"] | None = None,
+        sequence: Int64[np.ndarray, " n"] | None = None,
+    ) -> None:
         """Append samples to a stream.
 
         Args:
             name: A stream that was added.
-            t: Time stamps [ns], later than those already written. Shape (n,).
+            t: When each was sampled [ns], later than those already written. Shape (n,).
             rows: The samples, in the columns and units of the signal. Shape (n, d).
+            received: When each was had [ns]; without it, when it was sampled. Shape (n,).
+            sequence: Number of each at its source, so that a gap can be counted; without it they are counted here.
 
         Raises:
             StreamError: If the samples break the rules of a `Stream`, or cannot be represented in its message.
         """
         topic = self._check(name, t, rows)
-        self._append(topic, t, rows)
+        self._append(topic, t, rows, received, sequence)
 
     def _check(self, name: str, t: Int64[np.ndarray, " n"], rows: Float[np.ndarray, "n d"]) -> _Topic:
         if name not in self._topics:
@@ -136,8 +154,17 @@ class EpisodeWriter:
         topic.layout.check(rows)
         return topic
 
-    def _append(self, topic: _Topic, t: Int64[np.ndarray, " n"], rows: Float[np.ndarray, "n d"]) -> None:
+    def _append(
+        self,
+        topic: _Topic,
+        t: Int64[np.ndarray, " n"],
+        rows: Float[np.ndarray, "n d"],
+        received: Int64[np.ndarray, " n"] | None = None,
+        sequence: Int64[np.ndarray, " n"] | None = None,
+    ) -> None:
         """Encode samples that were checked, and end a chunk whenever it is full."""
+        received = t if received is None else received
+        sequence = np.arange(topic.count, topic.count + len(t)) if sequence is None else sequence
         first = 0
         while first < len(t):
             last = self._room(t, first, topic.layout.size)
@@ -145,8 +172,8 @@ class EpisodeWriter:
                 self.flush()
                 continue
             part = slice(first, last)
-            records = self._pending.reserve(topic.channel, t[part], topic.layout.size)
-            topic.layout.encode(t[part], rows[part], first=topic.count, out=records)
+            records = self._pending.reserve(topic.channel, received[part], topic.layout.size)
+            topic.layout.encode(t[part], rows[part], sequence=sequence[part], received=received[part], out=records)
             topic.count += last - first
             topic.last_ns = int(t[last - 1])
             first = last
@@ -215,17 +242,24 @@ class EpisodeWriter:
             self._sink.add_chunk(self._pending.records, self._pending.index)
             self._pending.clear()
 
-    def finish(self, result: Any = None) -> None:
+    def sync(self) -> None:
+        """Make sure that the chunks so far survive a loss of power; may take tens of milliseconds."""
+        self._sink.sync()
+
+    def finish(self, result: Any = None, recorded: Any = None) -> None:
         """Complete the file and give it its final name.
 
         Args:
             result: A JSON value that says what came of the episode; None leaves it out.
+            recorded: A JSON value that says how the recording went; None leaves it out.
 
         Raises:
             OutputError: If the file cannot be completed.
             StreamError: If JSON cannot hold the result.
         """
         entries = {} if result is None else {"result": _json("result", result)}
+        if recorded is not None:
+            entries["recorded"] = _json("recorded", recorded)
         self.flush()
         counts = {"/" + EVENTS: self._n_events} | {f"/{name}": topic.count for name, topic in self._topics.items()}
         self._sink.add_metadata(RESULT, entries | {"message_counts": json.dumps(counts)})
@@ -257,12 +291,13 @@ class EpisodeWriter:
             )
 
 
-def write_episode(path: Path, episode: Episode) -> None:
+def write_episode(path: Path, episode: Episode, compression: str = "zstd") -> None:
     """Write a whole episode; `meta["result"]` goes into the record at the end. Equal episodes give equal bytes.
 
     Args:
         path: Where the file goes; until it is complete it is called `<path>.partial`.
         episode: What to write.
+        compression: Of the chunks: one of `compression.NAMES`.
 
     Raises:
         OutputError: If the path is taken or cannot be written.
@@ -270,7 +305,7 @@ def write_episode(path: Path, episode: Episode) -> None:
     """
     result = episode.meta.get("result")
     meta = {key: value for key, value in episode.meta.items() if key != "result" or result is None}
-    with EpisodeWriter(path, id=episode.id, task=episode.task, meta=meta) as writer:
+    with EpisodeWriter(path, id=episode.id, task=episode.task, meta=meta, compression=compression) as writer:
         for name, stream in episode.streams.items():
             writer.add_stream(name, stream.signal, stream.frame)
         writer.write_together(episode.streams, episode.events)

@@ -1,6 +1,7 @@
 """One attempt at a task in virtual time: the scene, the plant, the controller, the tare at rest, the outcome."""
 
 import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,9 @@ from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task
 
-_MARGIN_S = 0.5  # The last step may end after the time limit.
+Beat = Callable[[np.ndarray], None]
+
+_MARGIN_S = 1.0  # The last step may end after the time limit.
 # Last number of an attempt's seed: evaluation never meets a scene that was demonstrated.
 DEMONSTRATE, EVALUATE = 0, 1
 
@@ -45,6 +48,7 @@ class Attempt:
         *,
         seed: tuple[int, ...],
         measurement: Measurement | None = None,
+        beat: "Callable[[Attempt], Beat] | None" = None,
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -55,8 +59,10 @@ class Attempt:
             config: Tare, impedance, limits and gains of the core.
             seed: Every random number comes from these.
             measurement: How well the arm knows itself.
+            beat: Makes, once the scene is drawn, what is called after every tick with its row; then ticks go one by
+                one, and may be paced by a clock. Without it they run as fast as they can.
         """
-        scene_rng, plant_rng, self.rng = np.random.default_rng(seed).spawn(3)
+        scene_rng, plant_rng, self.rng = generators(seed)
         self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
@@ -65,9 +71,10 @@ class Attempt:
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
         self.controller = Controller(rig, config.control)
         self.plant.begin(self.controller, config.impedance)
+        self.beat = None if beat is None else beat(self)
         # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
         # who tares now has the very samples that who reads the recording has.
-        rows = self.plant.advance(self.controller, round(config.tare_s / TICK_S) + 1)
+        rows = self._run(round(config.tare_s / TICK_S) + 1)
         half = len(rows) // 2
         self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
         self.start_ns = self.tare.stop_ns
@@ -81,7 +88,15 @@ class Attempt:
             self.target_pose, target, ticks=ticks, impedance=self._impedance, disturbance_m=disturbance_m
         )
         self.target_pose = target
-        return self.plant.advance(self.controller, ticks)
+        return self._run(ticks)
+
+    def _run(self, ticks: int) -> np.ndarray:
+        if self.beat is None:
+            return self.plant.advance(self.controller, ticks)
+        first = self.plant.count
+        for _ in range(ticks):
+            self.beat(self.plant.advance(self.controller, 1))
+        return self.plant.rows[first : self.plant.count]
 
     def samples_since(self, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stamps, raw wrenches and TCP quaternions of the wrench samples that rows from `first` on brought.
@@ -116,6 +131,28 @@ class Attempt:
             return True
         return self.task.progress(self.scene, self.plant.true_tcp_pose) >= 1.0
 
+    @property
+    def events(self) -> tuple[Event, Event]:
+        """The tare, and how things stand now as the end."""
+        end_ns, outcome = int(self.plant.recorded["t_ns"][-1]), self.outcome
+        end = Event(end_ns, end_ns, "success" if outcome.success else "failure", outcome.failure)
+        return self.tare, end
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """What is known of an attempt before it begins."""
+        return {
+            "rig": to_mapping(self.rig),
+            "seed": list(self.seed),
+            "impedance": to_mapping(self._impedance),
+            # Truth that no stage may learn from: it is here so that the scene can be set up again.
+            "simulator": {
+                "q_start_rad": self.scene.q_start_rad.tolist(),
+                "T_base_goal": self.scene.T_base_goal.tolist(),
+                "orientation_error_rad": self.plant.orientation_error_rad.tolist(),
+            },
+        }
+
     def episode(self, id: str, streams: dict[str, Stream], events: list[Event], **meta: Any) -> Episode:
         """The recording of this attempt.
 
@@ -128,27 +165,18 @@ class Attempt:
         rows, outcome = self.plant.recorded, self.outcome
         t = rows["t_ns"][:1].copy()
         goal = Stream(t, self.scene.T_base_goal_perceived[None].copy(), POSE, "base")
-        end_ns = int(rows["t_ns"][-1])
-        ends = [Event(end_ns, end_ns, "success" if outcome.success else "failure", outcome.failure)]
         return Episode(
             id,
             self.task.name,
             {**streams_of(rows), "goal_pose": goal, **streams},
-            (self.tare, *events, *ends),
-            {
-                "rig": to_mapping(self.rig),
-                "seed": list(self.seed),
-                "impedance": to_mapping(self._impedance),
-                # Truth that no stage may learn from: it is here so that the scene can be set up again.
-                "simulator": {
-                    "q_start_rad": self.scene.q_start_rad.tolist(),
-                    "T_base_goal": self.scene.T_base_goal.tolist(),
-                    "orientation_error_rad": self.plant.orientation_error_rad.tolist(),
-                },
-                **meta,
-                "result": to_mapping(outcome),
-            },
+            (*self.events, *events),
+            {**self.meta, **meta, "result": to_mapping(outcome)},
         )
+
+
+def generators(seed: Sequence[int]) -> list[np.random.Generator]:
+    """The three sources of chance in an attempt: the scene, the plant, and whoever acts."""
+    return np.random.default_rng(tuple(seed)).spawn(3)
 
 
 def episode_id(task: str, seed: int, index: int) -> str:

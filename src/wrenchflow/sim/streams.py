@@ -6,33 +6,30 @@ from wrenchflow import signals
 from wrenchflow.episode import Stream
 from wrenchflow.errors import StreamError
 from wrenchflow.sim.engine import TICK_NS
+from wrenchflow.source import Column
 
-_SAME_TICK = {
-    "joint_states": (signals.JOINTS, ""),
-    "joint_command": (signals.JOINT_TORQUE, ""),
-    "tcp_pose": (signals.POSE, "base"),
-    "tcp_twist": (signals.TWIST, "base"),
-    "target_pose": (signals.POSE, "base"),
-    "command_pose": (signals.POSE, "base"),
-    "impedance": (signals.IMPEDANCE, "base"),
-}
-_LAST_TICK = {
-    "external_torque": (signals.JOINT_TORQUE, ""),
-    "wrench_raw": (signals.WRENCH, "sensor"),
-}
+# Forces belong to the tick before their row, and are stamped so.
+COLUMNS = (
+    Column(name="joint_states", signal=signals.JOINTS),
+    Column(name="joint_command", signal=signals.JOINT_TORQUE),
+    Column(name="tcp_pose", signal=signals.POSE, frame="base"),
+    Column(name="tcp_twist", signal=signals.TWIST, frame="base"),
+    Column(name="target_pose", signal=signals.POSE, frame="base"),
+    Column(name="command_pose", signal=signals.POSE, frame="base"),
+    Column(name="impedance", signal=signals.IMPEDANCE, frame="base"),
+    Column(name="external_torque", signal=signals.JOINT_TORQUE, lag_ns=TICK_NS),
+    Column(name="wrench_raw", signal=signals.WRENCH, frame="sensor", lag_ns=TICK_NS),
+)
 
 
 def streams_of(rows: np.ndarray) -> dict[str, Stream]:
-    """Streams by name of rows of dtype `ROW`, in order.
-
-    Forces belong to the tick before their row, and are stamped so; the first row's have no tick and are left out.
-    """
+    """Streams by name of rows of dtype `ROW`, in order; the first row's forces have no tick and are left out."""
     if len(rows) < 2:
         raise StreamError(f"a recording needs at least 2 rows, got {len(rows)}.")
-    t = rows["t_ns"].copy()
-    streams = {name: Stream(t, rows[name].copy(), signal, frame) for name, (signal, frame) in _SAME_TICK.items()}
-    late = {
-        name: Stream(t[1:] - TICK_NS, rows[name][1:].copy(), signal, frame)
-        for name, (signal, frame) in _LAST_TICK.items()
-    }
-    return streams | late
+    streams = {}
+    for column in COLUMNS:
+        kept = rows[1:] if column.lag_ns else rows
+        streams[column.name] = Stream(
+            kept["t_ns"] - column.lag_ns, kept[column.name].copy(), column.signal, column.frame
+        )
+    return streams

@@ -1,0 +1,134 @@
+"""A demonstration in real time: ticks by the clock, and every row to the recorder while it happens."""
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from wrenchflow import signals
+from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.session import Demonstration, Session, make_operator
+from wrenchflow.config import to_mapping
+from wrenchflow.control.controller import TICK_NS
+from wrenchflow.recording.recorder import Recorder
+from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, episode_id
+from wrenchflow.sim.row import ROW
+from wrenchflow.sim.streams import COLUMNS
+from wrenchflow.sim.tasks import scenery
+from wrenchflow.source import Column, Source
+
+_HOLD_TICKS = 500  # Without a writer the arm holds where it is before it is let go of.
+_SPIN_NS = 150_000  # A sleep ends late; the last of it is spent awake.
+
+_TIMES = [("t_ns", "i8"), ("received_ns", "i8"), ("sequence", "i8")]
+CONTROL = Source(
+    name="control",
+    dtype=np.dtype([*_TIMES, *((column.name, *ROW.fields[column.name][:1]) for column in COLUMNS)], align=True),  # type: ignore[index]
+    columns=COLUMNS,
+)
+DEVICE = Source(
+    name="device",
+    dtype=np.dtype([*_TIMES, ("teleop/joy", "f8", (8,)), ("teleop/twist", "f8", (6,))], align=True),
+    columns=(
+        Column(name="teleop/joy", signal=signals.JOY, frame="device"),
+        Column(name="teleop/twist", signal=signals.TWIST, frame="base"),
+    ),
+)
+GOAL = Source(
+    name="goal",
+    dtype=np.dtype([*_TIMES, ("goal_pose", "f8", (7,))], align=True),
+    columns=(Column(name="goal_pose", signal=signals.POSE, frame="base"),),
+    capacity=16,
+)
+
+
+def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) -> Demonstration:
+    """Record one attempt while it happens; it is the attempt that virtual time would have, with other stamps.
+
+    Args:
+        index: Number of the episode.
+        config: Task, operator, device and gains.
+        folder: Where `<id>.mcap` goes.
+
+    Raises:
+        OutputError: If the recorder cannot begin, or its writer dies; the arm holds first.
+    """
+    task, rig, model = scenery(config.task, config.rig)
+    name = episode_id(config.task, config.seed, index)
+    with ExitStack() as stack:
+
+        def begin(attempt: Attempt) -> "_Beat":
+            meta = {**attempt.meta, "operator": config.operator, "collect": to_mapping(config)}
+            recorder = Recorder(
+                folder / f"{name}.mcap",
+                id=name,
+                task=task.name,
+                sources=[CONTROL, DEVICE, GOAL],
+                meta=meta,
+                compression=config.compression,
+            )
+            return _Beat(stack.enter_context(recorder))
+
+        attempt = Attempt(task, model, rig, config, seed=(config.seed, index, DEMONSTRATE), beat=begin)
+        beat = attempt.beat
+        assert isinstance(beat, _Beat)
+        session = Session(attempt, make_operator(config.operator, config), config)
+        beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
+        while not attempt.over and beat.recorder.is_alive:
+            session.period()
+            t_ns, joy, twist = session.report
+            beat.store(DEVICE, t_ns, **{"teleop/joy": joy, "teleop/twist": twist})
+        if not beat.recorder.is_alive:
+            attempt.advance(attempt.target_pose, _HOLD_TICKS)
+        for event in sorted((*attempt.events, *session.phases())):
+            beat.recorder.event(event.moved(beat.offset_ns))
+        beat.recorder.finish(to_mapping(attempt.outcome))
+        return Demonstration(id=name, samples=attempt.plant.count, outcome=attempt.outcome)
+
+
+class _Beat:
+    """Called after each tick: stores its row, and waits for the next.
+
+    Attributes:
+        recorder: Where rows go.
+        offset_ns: From virtual time to the clock's [ns]; the clock is mapped to the epoch once, at the first tick.
+        late: Ticks that began more than a millisecond after their time.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.recorder, self.offset_ns, self.late = recorder, 0, 0
+        self._start_ns = self._epoch_ns = self._first_ns = 0
+        self._ticks = 0
+        self._rows = {source.name: np.zeros(1, source.dtype) for source in (CONTROL, DEVICE, GOAL)}
+        self._counts = dict.fromkeys(self._rows, 0)
+
+    def __call__(self, rows: np.ndarray) -> None:
+        """Store the row of a tick that is over."""
+        row = rows[-1]
+        if not self._ticks:
+            self._start_ns, self._epoch_ns = time.monotonic_ns(), time.time_ns()
+            self.offset_ns = self._epoch_ns - int(row["t_ns"])
+        self._ticks += 1
+        self.store(CONTROL, int(row["t_ns"]), **{column.name: row[column.name] for column in COLUMNS})
+        self._wait(self._start_ns + self._ticks * TICK_NS)
+
+    def store(self, source: Source, t_ns: int, **values: np.ndarray) -> None:
+        """Store a row that was sampled at `t_ns` of virtual time."""
+        row = self._rows[source.name]
+        row["t_ns"] = t_ns + self.offset_ns
+        row["received_ns"] = self._epoch_ns + time.monotonic_ns() - self._start_ns
+        row["sequence"] = self._counts[source.name]
+        self._counts[source.name] += 1
+        for name, value in values.items():
+            row[name] = value
+        self.recorder.push(source.name, row)
+
+    def _wait(self, until_ns: int) -> None:
+        left_ns = until_ns - time.monotonic_ns()
+        if left_ns < -TICK_NS:
+            self.late += 1
+        if left_ns > _SPIN_NS:
+            time.sleep((left_ns - _SPIN_NS) * 1e-9)
+        while time.monotonic_ns() < until_ns:
+            pass

@@ -1,0 +1,293 @@
+"""Saves what can be saved of an MCAP file that was cut off or damaged, whoever wrote it.
+
+The rule: a message is kept if its bytes are known to be whole, and nothing is made up. Whole chunks are copied as they
+are, after a look at their checksum; of a chunk that was cut off, every message before the cut is kept; of one whose
+bytes were changed, none is. The summary is made anew.
+"""
+
+import json
+import mmap
+import struct
+import zlib
+from collections import Counter
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import UInt64
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.writer import MCAP0_MAGIC as MAGIC
+
+from wrenchflow.errors import OutputError, RecordingError
+from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
+from wrenchflow.recording.layout import HEADER
+from wrenchflow.recording.sink import Sink
+from wrenchflow.recording.writer import METADATA, RESULT
+
+RECOVERED = "wrenchflow/recovered"
+
+_PREFIX = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQII")
+_LOOSE_BYTES = 512 * 1024  # Messages outside of chunks are gathered into chunks of this size.
+_MESSAGE = struct.Struct("<HIQ")
+_UNREADABLE = (struct.error, McapError, ValueError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """What could be saved.
+
+    Attributes:
+        messages: How many messages the new file holds.
+        chunks: How many chunks of the old one were whole.
+        problems: What was wrong, in words; empty for a file that lacked nothing.
+    """
+
+    messages: int
+    chunks: int
+    problems: tuple[str, ...]
+
+
+def recover(path: Path, out: Path) -> Recovery:
+    """Write a whole file with all that can be saved of another, which stays as it is.
+
+    Args:
+        path: An MCAP file, whole or not, `.partial` or not.
+        out: The new file.
+
+    Raises:
+        RecordingError: If the file is missing or is not MCAP, or nothing can be saved, not even which topics it has.
+        OutputError: If `out` is there already, or would take the place of `path`.
+    """
+    if out.with_name(out.name + ".partial").resolve() == path.resolve():
+        raise OutputError(f"output '{out}' is written through '{path.name}', which is to be recovered. Choose another.")
+    data = _open(path)
+    salvage = _Salvage(path, data, out)
+    try:
+        salvage.run()
+        return salvage.finish()
+    except RecordingError:
+        salvage.discard()
+        raise
+    finally:
+        salvage.close()
+
+
+class _Message(NamedTuple):
+    """Where a message record lies, from its opcode to its last byte."""
+
+    channel: int
+    log_time: int
+    start: int
+    stop: int
+
+
+class _Salvage:
+    """One walk through a file, with what was found and what was wrong."""
+
+    def __init__(self, path: Path, data: memoryview, out: Path) -> None:
+        self._path, self._data, self._out = path, data, out
+        self._problems: Counter[str] = Counter()
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._metadata: set[str] = set()
+        self._sink: Sink | None = None
+        self._loose: list[memoryview] = []
+        self._loose_bytes = 0
+        self._messages = self._chunks = 0
+
+    def _sink_of(self) -> Sink:
+        """The new file, begun once it is known what the old one's header says."""
+        if self._sink is None:
+            self._sink = Sink(self._out)
+        return self._sink
+
+    def close(self) -> None:
+        """Let go of the new file."""
+        if self._sink is not None:
+            self._sink.close()
+
+    def discard(self) -> None:
+        """Leave nothing of the new file behind."""
+        if self._sink is not None:
+            self._out.with_name(self._out.name + ".partial").unlink(missing_ok=True)
+
+    def run(self) -> None:
+        """Read the records of the data section, up to its end or to where they can be followed no more."""
+        at = len(MAGIC)
+        while True:
+            if at + _PREFIX.size > len(self._data):
+                self._problems["its end is missing"] += 1
+                return
+            opcode, length = _PREFIX.unpack_from(self._data, at)
+            start, stop = at + _PREFIX.size, at + _PREFIX.size + length
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                if self._data[-len(MAGIC) :] != MAGIC:
+                    self._problems["its summary is cut off"] += 1
+                return
+            if opcode == 0 or stop > len(self._data):
+                self._problems["its end is missing" if opcode else f"no record begins at byte {at}"] += 1
+                if opcode == Opcode.CHUNK:
+                    self._take_chunk(start, len(self._data), is_whole=False)
+                return
+            self._take(opcode, start, stop)
+            at = stop
+
+    def _take(self, opcode: int, start: int, stop: int) -> None:
+        content = self._data[start:stop]
+        if opcode == Opcode.CHUNK:
+            self._take_chunk(start, stop, is_whole=True)
+        elif opcode == Opcode.MESSAGE:
+            self._take_loose(self._data[start - _PREFIX.size : stop])
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.HEADER, Opcode.METADATA, Opcode.ATTACHMENT):
+            self._take_record(opcode, content)
+
+    def _take_loose(self, record: memoryview) -> None:
+        if len(record) < HEADER.itemsize or _MESSAGE.unpack_from(record, _PREFIX.size)[0] not in self._channels:
+            self._problems["a message of a channel that is not described"] += 1
+            return
+        self._loose.append(record)
+        self._loose_bytes += len(record)
+        if self._loose_bytes > _LOOSE_BYTES:
+            self._add(self._loose)
+            self._loose, self._loose_bytes = [], 0
+
+    def _take_record(self, opcode: int, content: memoryview) -> None:
+        stream = ReadDataStream(BytesIO(content))
+        try:
+            if opcode == Opcode.HEADER and self._sink is None:
+                header = Header.read(stream)
+                self._sink = Sink(self._out, profile=header.profile, library=header.library)
+            elif opcode == Opcode.SCHEMA:
+                self._define(Schema.read(stream), self._schemas)
+            elif opcode == Opcode.CHANNEL:
+                self._define(Channel.read(stream), self._channels)
+            elif opcode == Opcode.METADATA:
+                record = Metadata.read(stream)
+                self._metadata.add(record.name)
+                self._sink_of().add_metadata(record.name, record.metadata)
+            elif opcode == Opcode.ATTACHMENT:
+                self._sink_of().add_attachment(self._attachment(content, stream))
+        except _UNREADABLE:
+            self._problems[f"a {Opcode(opcode).name.lower()} cannot be read"] += 1
+
+    def _attachment(self, content: memoryview, stream: ReadDataStream) -> Attachment:
+        crc = struct.unpack_from("<I", content, len(content) - 4)[0]
+        if crc and zlib.crc32(content[:-4]) != crc:
+            raise ValueError("checksum")
+        return Attachment.read(stream)
+
+    def _define[R: (Schema, Channel)](self, record: R, known: dict[int, R]) -> None:
+        if record.id not in known:
+            if isinstance(record, Channel) and record.schema_id and record.schema_id not in self._schemas:
+                self._problems[f"channel {record.id} has a schema that is not there"] += 1
+                return
+            known[record.id] = record
+            self._sink_of().define(record)
+        elif known[record.id] != record:
+            self._problems[f"{type(record).__name__.lower()} {record.id} is defined twice, the first counts"] += 1
+
+    def _take_chunk(self, start: int, stop: int, *, is_whole: bool) -> None:
+        if start + _CHUNK.size > stop:
+            return
+        _, _, size, crc, label_size = _CHUNK.unpack_from(self._data, start)
+        at = start + _CHUNK.size + label_size + 8
+        if at > stop:
+            return
+        label = bytes(self._data[at - 8 - label_size : at - 8]).decode(errors="replace")
+        (length,) = struct.unpack_from("<Q", self._data, at - 8)
+        compressed = self._data[at : min(at + length, stop)]
+        if size > MAX_CHUNK_BYTES:
+            self._problems[f"a chunk claims more than {MAX_CHUNK_BYTES} bytes"] += 1
+            return
+        try:
+            content = memoryview(decompress(compressed, label, size))
+        except RecordingError as error:
+            self._problems[str(error).rstrip(".")] += 1
+            return
+        if len(content) == size and crc and zlib.crc32(content) != crc:
+            self._problems["the checksum of a chunk does not match"] += 1
+            return
+        messages, is_clean = self._split(content)
+        if len(content) == size and is_clean and messages:
+            self._sink_of().copy_chunk(compressed, label or "none", size, crc, _index(messages))
+            self._messages += len(messages)
+            self._chunks += is_whole
+        elif is_whole and len(content) < size:
+            # Bytes were changed, and nothing tells which: what came out before the decompressor noticed may be wrong.
+            self._problems["a chunk cannot be decompressed"] += 1
+        else:
+            self._add([content[message.start : message.stop] for message in messages])
+
+    def _split(self, content: memoryview) -> tuple[list[_Message], bool]:
+        """The messages in a chunk that are whole, and whether there is nothing else in it."""
+        messages, at, is_clean = [], 0, True
+        while at + _PREFIX.size <= len(content):
+            opcode, length = _PREFIX.unpack_from(content, at)
+            start, stop = at + _PREFIX.size, at + _PREFIX.size + length
+            if stop > len(content):
+                break
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._take_record(opcode, content[start:stop])
+            elif opcode == Opcode.MESSAGE and stop - at >= HEADER.itemsize:
+                channel, _, log_time = _MESSAGE.unpack_from(content, start)
+                if channel in self._channels:
+                    messages.append(_Message(channel, log_time, at, stop))
+                else:
+                    is_clean = False
+                    self._problems[f"messages of channel {channel}, which is not described"] += 1
+            at = stop
+        return messages, is_clean and at == len(content)
+
+    def _add(self, records: list[memoryview]) -> None:
+        """Add messages as a chunk of their own."""
+        content, messages = bytearray(), []
+        for record in records:
+            channel, _, log_time = _MESSAGE.unpack_from(record, _PREFIX.size)
+            messages.append(_Message(channel, log_time, len(content), len(content) + len(record)))
+            content += record
+        if messages:
+            self._sink_of().add_chunk(np.frombuffer(content, np.uint8), _index(messages))
+            self._messages += len(messages)
+
+    def finish(self) -> Recovery:
+        """Complete the new file."""
+        self._add(self._loose)
+        if not self._messages and not self._channels:
+            raise RecordingError(f"nothing of '{self._path}' can be saved: {self._said() or 'it is empty'}.")
+        if RESULT not in self._metadata and METADATA in self._metadata:
+            self._problems["what came of the episode is not known"] += 1
+        entries = {"messages": str(self._messages), "problems": json.dumps(self._said())}
+        self._sink_of().add_metadata(RECOVERED, entries)
+        self._sink_of().finish()
+        return Recovery(messages=self._messages, chunks=self._chunks, problems=tuple(self._words()))
+
+    def _words(self) -> list[str]:
+        return [what if count == 1 else f"{what} ({count} times)" for what, count in self._problems.items()]
+
+    def _said(self) -> str:
+        return "; ".join(self._words())
+
+
+def _index(messages: list[_Message]) -> dict[int, UInt64[np.ndarray, "n 2"]]:
+    rows: dict[int, list[tuple[int, int]]] = {}
+    for message in messages:
+        rows.setdefault(message.channel, []).append((message.log_time, message.start))
+    return {channel: np.array(places, np.uint64) for channel, places in rows.items()}
+
+
+def _open(path: Path) -> memoryview:
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
+    if data[: len(MAGIC)] != MAGIC:
+        raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex() or 'nothing'}.")
+    return data

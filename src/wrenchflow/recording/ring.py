@@ -1,0 +1,135 @@
+"""A ring of rows in shared memory: one process stores, another one takes, and neither waits for the other.
+
+Order of memory. The producer alone writes `head` and the rows from `head` on; the consumer alone writes `tail`. A row
+is the consumer's once `head` is past it, and its place is the producer's again once `tail` is past it. So the
+producer's stores to a row must be seen before its store to `head` (a release), and the consumer's loads of a row must
+come after its load of `head` (an acquire) and before its store to `tail` (a release). Eight aligned bytes are stored
+and loaded in one piece on every machine that we run on; a fence on either side keeps both the compiler and a weakly
+ordered processor, such as an ARM, from moving anything across. `head` and `tail` never wrap (a uint64 of milliseconds
+lasts 584 million years), so `head - tail` is how many rows wait, and a full ring cannot be mistaken for an empty one.
+"""
+
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any
+
+import numpy as np
+from numba.core import types
+from numba.extending import intrinsic
+
+from wrenchflow.compiled import kernel
+from wrenchflow.errors import StreamError
+
+# Each counter has a cache line of its own: the two processes write them all the time.
+_LINE = 64
+_COUNTERS = np.dtype(
+    {
+        "names": ["head", "dropped", "tail"],
+        "formats": ["u8", "u8", "u8"],
+        "offsets": [0, 8, _LINE],
+        "itemsize": 2 * _LINE,
+    }
+)
+
+
+def _make_fence(context):
+    def generate(context, builder, signature, arguments):
+        builder.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+_fence: Any = intrinsic(_make_fence)
+
+
+@kernel
+def _push(counters, rows, row):
+    head, tail = counters[0].head, counters[0].tail
+    _fence()
+    if head - tail >= rows.shape[0]:
+        counters[0].dropped += np.uint64(1)
+        return False
+    rows[head % np.uint64(rows.shape[0])] = row[0]
+    _fence()
+    counters[0].head = head + np.uint64(1)
+    return True
+
+
+@kernel
+def _waiting(counters):
+    tail, head = counters[0].tail, counters[0].head
+    _fence()
+    return tail, head
+
+
+@kernel
+def _give_back(counters, tail):
+    _fence()
+    counters[0].tail = tail
+
+
+class Ring:
+    """One end of a ring; `create` makes it, `attach` opens it in the other process.
+
+    Attributes:
+        name: By which the other process finds it.
+        dtype: Of a row.
+        capacity: Rows that fit.
+    """
+
+    def __init__(self, memory: SharedMemory, dtype: np.dtype, capacity: int) -> None:
+        """Lay rows over shared memory; use `create` or `attach`."""
+        self._memory = memory
+        self.name, self.dtype, self.capacity = memory.name, dtype, capacity
+        self._counters = np.ndarray(1, _COUNTERS, memory.buf)
+        self._rows = np.ndarray(capacity, dtype, memory.buf, offset=_COUNTERS.itemsize)
+
+    @classmethod
+    def create(cls, dtype: np.dtype, capacity: int) -> "Ring":
+        """Make a ring of `capacity` rows, empty.
+
+        Raises:
+            StreamError: If it would hold no row.
+        """
+        if capacity < 1:
+            raise StreamError(f"a ring holds at least 1 row, got {capacity}.")
+        memory = SharedMemory(create=True, size=_COUNTERS.itemsize + capacity * dtype.itemsize)
+        ring = cls(memory, dtype, capacity)
+        ring._counters[:] = 0
+        # Every page is touched now, not by the control loop when it first gets there. So is the code.
+        ring._rows.view(np.uint8)[:] = 0
+        ring.push(np.zeros(1, dtype))
+        ring._counters[:] = 0
+        return ring
+
+    @classmethod
+    def attach(cls, name: str, dtype: np.dtype, capacity: int) -> "Ring":
+        """Open a ring that another process made."""
+        return cls(SharedMemory(name), dtype, capacity)
+
+    def push(self, row: np.ndarray) -> bool:
+        """Store a row, an array of one record; False, and counted, where the ring is full. Never waits."""
+        return _push(self._counters, self._rows, row)
+
+    def take(self) -> np.ndarray:
+        """A copy of all rows that wait, oldest first; their places are free afterwards."""
+        tail, head = _waiting(self._counters)
+        count = int(head - tail)
+        first = int(tail % self.capacity)
+        rows = np.concatenate((self._rows[first : first + count], self._rows[: max(0, first + count - self.capacity)]))
+        _give_back(self._counters, head)
+        return rows
+
+    @property
+    def dropped(self) -> int:
+        """Rows that found the ring full, and are lost."""
+        return int(self._counters["dropped"][0])
+
+    def close(self) -> None:
+        """Let go of the memory; the other process keeps it."""
+        del self._counters, self._rows
+        self._memory.close()
+
+    def unlink(self) -> None:
+        """Let the memory go once both processes have let go of it; whoever made the ring calls this."""
+        self._memory.unlink()

@@ -1,0 +1,73 @@
+"""Real time is virtual time with other stamps: the same seed gives the same bits, whoever paces the ticks."""
+
+import os
+import signal
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wrenchflow.collect import realtime
+from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.session import demonstrate
+from wrenchflow.errors import OutputError
+from wrenchflow.recording.reader import read_episode
+from wrenchflow.recording.recover import recover
+from wrenchflow.recording.validate import validate
+
+CONFIG = CollectConfig(episodes=1, seed=3, tare_s=0.5, realtime=True)
+
+
+@pytest.fixture(scope="module")
+def virtual(unchecked):
+    with unchecked():
+        return demonstrate(0, CONFIG)
+
+
+def test_what_is_recorded_while_it_happens_is_what_virtual_time_gives(tmp_path, wrenchflow, virtual):
+    ran = wrenchflow("collect", tmp_path / "raw", "--episodes", 1, "--seed", 3, "--tare-s", 0.5, "--realtime", "--json")
+    assert ran.result["successes"] == 1
+    (path,) = (tmp_path / "raw").glob("*.mcap")
+    episode = read_episode(path)
+    assert validate(path).problems == ()
+    assert episode.id == virtual.id
+    assert set(episode.streams) == set(virtual.streams)
+    offset_ns = int(episode["tcp_pose"].t[0] - virtual["tcp_pose"].t[0])
+    assert abs(episode["tcp_pose"].t[0] - time.time_ns()) < 120e9  # It was now, not in 2020.
+    for name, stream in virtual.streams.items():
+        np.testing.assert_array_equal(episode[name].data, stream.data, err_msg=name)
+        np.testing.assert_array_equal(episode[name].t - offset_ns, stream.t, err_msg=name)
+    assert [event.moved(-offset_ns) for event in episode.events] == sorted(virtual.events)
+    recorded = episode.meta["recorded"]
+    assert recorded["control"]["rows"] == len(episode["tcp_pose"])
+    assert all(source["dropped"] == 0 for source in recorded.values())
+    assert wrenchflow("process", tmp_path / "raw", tmp_path / "clean", "--jobs", 1).code == 0
+
+
+def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp_path, monkeypatch, unchecked, virtual):
+    targets = []
+    begun = realtime._Beat.__init__
+
+    def begin_and_kill(self, recorder):
+        begun(self, recorder)
+        threading.Timer(1.2, os.kill, (recorder.writer_pid, signal.SIGKILL)).start()
+
+    advance = realtime.Attempt.advance
+
+    def seen(self, target, ticks, *rest):
+        targets.append((target.copy(), ticks))
+        return advance(self, target, ticks, *rest)
+
+    monkeypatch.setattr(realtime._Beat, "__init__", begin_and_kill)
+    monkeypatch.setattr(realtime.Attempt, "advance", seen)
+    with unchecked(), pytest.raises(OutputError, match="died"):
+        realtime.demonstrate_in_real_time(0, replace(CONFIG), tmp_path)
+    np.testing.assert_array_equal(targets[-1][0], targets[-2][0])
+    assert targets[-1][1] == 500
+    (partial,) = tmp_path.glob("*.partial")
+    recover(partial, tmp_path / "saved.mcap")
+    pose = read_episode(tmp_path / "saved.mcap")["tcp_pose"]
+    assert len(pose) > 500
+    np.testing.assert_array_equal(pose.data, virtual["tcp_pose"].data[: len(pose)])
