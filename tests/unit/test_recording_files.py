@@ -137,8 +137,8 @@ def test_chunks_are_in_the_file_while_it_is_written(tmp_path: Path):
     with EpisodeWriter(tmp_path / "e.mcap", id="e", task="t") as writer:
         writer.add_stream("tcp_pose", POSE, "base")
         sizes = []
-        for i in range(0, 800, 200):
-            writer.write("tcp_pose", pose.t[i : i + 200], pose.data[i : i + 200])
+        for i in range(0, 1200, 300):
+            writer.write("tcp_pose", pose.t[i : i + 300], pose.data[i : i + 300])
             sizes.append((tmp_path / "e.mcap.partial").stat().st_size)
     assert sizes[0] == 0
     assert 0 < sizes[1] < sizes[3]

@@ -17,7 +17,6 @@ import numpy as np
 
 from wrenchflow.episode import Event
 from wrenchflow.errors import WrenchflowError
-from wrenchflow.recording.pending import CHUNK_NS
 from wrenchflow.recording.ring import Ring
 from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.source import Source, T, samples_of
@@ -26,8 +25,9 @@ EVENT = np.dtype([("start_ns", "i8"), ("stop_ns", "i8"), ("kind", "S32"), ("labe
 EVENT_CAPACITY = 256
 _POLL_S = 0.02
 _SYNC_S = 1.0
-# A chunk ends at the look that finds it this old; the next look would find it a look older than a chunk should be.
-_CHUNK_NS = CHUNK_NS - round(_POLL_S * 1e9)
+# While it happens a chunk holds a quarter of a second: what dies with this process. It ends at the look that finds it
+# this old, for the next look would come too late.
+_CHUNK_NS = 250_000_000 - round(_POLL_S * 1e9)
 
 
 @dataclass(frozen=True, kw_only=True)
