@@ -110,7 +110,7 @@ def _clear(out: Path, names: Sequence[str]) -> None:
     """
     for name in names:
         path = out / name
-        if path.is_dir() and not any((path / mark).exists() for mark in (NAME, "robomimic.manifest.json")):
+        if path.is_dir() and not _is_ours(path):
             raise OutputError(f"output '{path}' is no folder that wrenchflow made. Choose another place.")
     for name in reversed(names):
         path = out / name
@@ -118,6 +118,13 @@ def _clear(out: Path, names: Sequence[str]) -> None:
             shutil.rmtree(path)
         else:
             path.unlink()
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether a stage finished it, or it holds nothing but data sets, whole or half: `export` marks only whole ones."""
+    return (folder / NAME).exists() or all(
+        entry.name.startswith(("robomimic.", "lerobot")) for entry in folder.iterdir()
+    )
 
 
 class _Chain:

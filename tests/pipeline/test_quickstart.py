@@ -104,6 +104,8 @@ def test_replacing_stops_before_anything_that_is_not_ours_and_an_old_page_never_
     for name in ("raw", "clean", "run"):
         (out / name).mkdir(parents=True)
         (out / name / "manifest.json").write_text("{}")
+    (out / "dataset").mkdir()
+    (out / "dataset" / "robomimic.hdf5.partial").write_text("an export was interrupted")
     (out / "index.html").write_text("of the old run")
     (out / "rollouts").mkdir()
     (out / "rollouts" / "thesis.txt").write_text("precious")

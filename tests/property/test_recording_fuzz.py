@@ -6,7 +6,6 @@ The mutations come from a seed; a process of its own works through them, so that
 import resource
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from wrenchflow.recording.writer import write_episode
 from wrenchflow.signals import JOY, POSE
 
 MOST_BYTES = 512 * 2**20
-SLOWEST_S = 5.0
 
 
 def small(folder: Path) -> bytes:
@@ -60,7 +58,6 @@ def outcome(path: Path) -> tuple[int, int]:
     """1 for what was read and for what was recovered, else 0; anything but an error of ours comes through."""
     counts = []
     for work in (lambda: (read_info(path), read_episode(path)), lambda: recover(path, path.with_name("saved.mcap"))):
-        start = time.perf_counter()
         try:
             work()
             counts.append(1)
@@ -70,7 +67,6 @@ def outcome(path: Path) -> tuple[int, int]:
         else:
             lines = 1
         assert lines == 1
-        assert time.perf_counter() - start < SLOWEST_S
     path.with_name("saved.mcap").unlink(missing_ok=True)
     return counts[0], counts[1]
 

@@ -24,7 +24,7 @@ _SPIN_NS = 150_000  # A sleep ends late; the last of it is spent awake.
 _TIMES = [("t_ns", "i8"), ("received_ns", "i8"), ("sequence", "i8")]
 CONTROL = Source(
     name="control",
-    dtype=np.dtype([*_TIMES, *((column.name, *ROW.fields[column.name][:1]) for column in COLUMNS)], align=True),  # type: ignore[index]
+    dtype=np.dtype([*_TIMES, *((column.name, ROW[column.name]) for column in COLUMNS)], align=True),
     columns=COLUMNS,
 )
 DEVICE = Source(
@@ -83,7 +83,7 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
             attempt.advance(attempt.target_pose, _HOLD_TICKS)
         for event in sorted((*attempt.events, *session.phases())):
             beat.recorder.event(event.moved(beat.offset_ns))
-        beat.recorder.finish(to_mapping(attempt.outcome))
+        beat.recorder.finish({**to_mapping(attempt.outcome), "late_ticks": beat.late})
         return Demonstration(id=name, samples=attempt.plant.count, outcome=attempt.outcome)
 
 

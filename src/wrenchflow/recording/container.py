@@ -226,16 +226,25 @@ class Container:
         return {channel: np.array(rows, np.uint64) for channel, rows in offsets.items()}
 
 
+def map_file(path: Path) -> memoryview:
+    """The bytes of a file, without reading them yet.
+
+    Raises:
+        RecordingError: If it cannot be opened.
+    """
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
+
+
 def _open(path: Path) -> memoryview:
     """The bytes of a file that begins and ends as an MCAP file does."""
     if path.suffix == ".partial":
         raise RecordingError(f"{path} is an unfinished recording: it was interrupted before its end was written.")
-    try:
-        with path.open("rb") as file:
-            size = path.stat().st_size
-            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
+    data = map_file(path)
     if not MAGIC.startswith(bytes(data[: len(MAGIC)])):
         raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex()}.")
     footer = data[-len(MAGIC) - _FOOTER_SIZE : -len(MAGIC)]

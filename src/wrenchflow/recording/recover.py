@@ -6,7 +6,6 @@ bytes were changed, none is. The summary is made anew.
 """
 
 import json
-import mmap
 import struct
 import zlib
 from collections import Counter
@@ -25,6 +24,7 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from wrenchflow.errors import OutputError, RecordingError
 from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
+from wrenchflow.recording.container import map_file
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.sink import Sink
 from wrenchflow.recording.writer import METADATA, RESULT
@@ -282,12 +282,7 @@ def _index(messages: list[_Message]) -> dict[int, UInt64[np.ndarray, "n 2"]]:
 
 
 def _open(path: Path) -> memoryview:
-    try:
-        with path.open("rb") as file:
-            size = path.stat().st_size
-            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
+    data = map_file(path)
     if data[: len(MAGIC)] != MAGIC:
         raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex() or 'nothing'}.")
     return data
