@@ -16,7 +16,7 @@ from mcap_write import DURATION_S, episode, n_messages, wall_s
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.recording.container import Container
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 
 SLICE_S = 4.0  # The slow side reads this much, and its time is scaled by the number of messages.
 REPEATS = 5

@@ -20,7 +20,7 @@ from wrenchflow.episode import Episode, Stream
 from wrenchflow.recording import codec, schemas
 from wrenchflow.recording.compression import compressor
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.signals import JOINTS, POSE, WRENCH, Signal
 
 DURATION_S = 60.0

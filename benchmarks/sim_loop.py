@@ -19,7 +19,7 @@ import numpy as np
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.controller import Controller
 from wrenchflow.episode import Episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.rig import load_rig
 from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.streams import streams_of

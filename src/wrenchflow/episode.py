@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int64
 
 from wrenchflow.errors import StreamError
+from wrenchflow.messages import Attachment, Messages
 from wrenchflow.signals import Signal
 
 
@@ -104,7 +105,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Episode:
-    """One attempt at a task: streams at their own rates, events, and what is known about it.
+    """One attempt at a task: streams at their own rates, events, what is known about it, and what came along.
 
     Attributes:
         id: Name of the episode and of its file.
@@ -112,6 +113,8 @@ class Episode:
         streams: Streams by name; a name is the MCAP topic without its leading slash.
         events: In order of their start.
         meta: JSON values, such as `rig`, `seed`, `success`.
+        messages: Topics that are no streams, by name: images, and what is not known here, which is kept all the same.
+        attachments: Files by name.
     """
 
     id: str
@@ -119,11 +122,13 @@ class Episode:
     streams: Mapping[str, Stream] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     meta: Mapping[str, Any] = field(default_factory=dict)
+    messages: Mapping[str, Messages] = field(default_factory=dict)
+    attachments: Mapping[str, Attachment] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "streams", MappingProxyType(dict(self.streams)))
+        for name in ("streams", "meta", "messages", "attachments"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "events", tuple(sorted(self.events)))
-        object.__setattr__(self, "meta", MappingProxyType(dict(self.meta)))
 
     def __getitem__(self, name: str) -> Stream:
         if name not in self.streams:
@@ -136,7 +141,8 @@ class Episode:
         return name in self.streams
 
     def __reduce__(self):  # A MappingProxyType does not pickle, and episodes travel between processes.
-        return Episode, (self.id, self.task, dict(self.streams), self.events, dict(self.meta))
+        known = (self.id, self.task, dict(self.streams), self.events, dict(self.meta))
+        return Episode, (*known, dict(self.messages), dict(self.attachments))
 
     def with_stream(self, name: str, stream: Stream) -> "Episode":
         """A new episode with `stream` added, or put in the place of the one of that name."""

@@ -17,7 +17,7 @@ from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import RecordingError
 from wrenchflow.recording import schemas
 from wrenchflow.recording.reader import read_episode, read_info
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.signals import FORCE, IMPEDANCE, JOINT_TORQUE, JOINTS, JOY, POSE, TWIST, WRENCH, joints, mask
 
 N = 1300

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "bad_input.toml"
 CASES = tomllib.loads(GOLDEN.read_text())

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 
 COMMAND = Path(sys.executable).with_name("wrenchflow")
 

@@ -15,7 +15,7 @@ from wrenchflow.datasets.load import load_steps
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import ConfigError, DatasetError, OutputError, RecordingError
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.signals import JOINTS, POSE, TWIST, WRENCH
 
 START_NS = 1_700_000_000_000_000_000

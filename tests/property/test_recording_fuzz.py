@@ -14,7 +14,7 @@ from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import WrenchflowError
 from wrenchflow.recording.reader import read_episode, read_info
 from wrenchflow.recording.recover import recover
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.signals import JOY, POSE
 
 MOST_BYTES = 512 * 2**20

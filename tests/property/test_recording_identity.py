@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.recording.pending import CHUNK_BYTES, CHUNK_NS
 from wrenchflow.recording.reader import read_episode, read_info
-from wrenchflow.recording.writer import CHUNK_BYTES, CHUNK_NS, EpisodeWriter, write_episode
+from wrenchflow.recording.write import write_episode
+from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.signals import FORCE, IMPEDANCE, JOINTS, JOY, POSE, TWIST, WRENCH, Signal, joint_torque, joints, mask
 
 KINDS = {

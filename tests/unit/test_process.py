@@ -14,7 +14,7 @@ from wrenchflow.manifest import read_manifest
 from wrenchflow.process.config import ContactConfig, ProcessConfig
 from wrenchflow.process.pipeline import process_episode, process_folder
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.rig import rig_of
 
 CONFIG = ProcessConfig()

@@ -8,7 +8,8 @@ import pytest
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import OutputError, RecordingError, StreamError, WrenchflowError
 from wrenchflow.recording.reader import read_episode, read_info
-from wrenchflow.recording.writer import EpisodeWriter, write_episode
+from wrenchflow.recording.write import write_episode
+from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.signals import JOY, POSE, WRENCH, Signal
 
 T = np.arange(1, 1201, dtype=np.int64) * 1_000_000

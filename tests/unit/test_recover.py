@@ -13,10 +13,11 @@ from wrenchflow.episode import Episode, Stream
 from wrenchflow.errors import OutputError, RecordingError
 from wrenchflow.recording import codec, schemas
 from wrenchflow.recording.container import Container
+from wrenchflow.recording.file_format import RECOVERED
 from wrenchflow.recording.reader import read_episode, read_info
-from wrenchflow.recording.recover import RECOVERED, recover
+from wrenchflow.recording.recover import recover
 from wrenchflow.recording.validate import validate
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.signals import POSE, WRENCH
 
 T = np.arange(1, 1201, dtype=np.int64) * 1_000_000

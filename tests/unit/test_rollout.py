@@ -19,7 +19,7 @@ from wrenchflow.policy.policy import Policy, WithoutForceInput
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.pipeline import process_episode
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import EVALUATE, Attempt
 from wrenchflow.sim.config import AttemptConfig
 

@@ -22,7 +22,7 @@ from wrenchflow.filtering import window_mean
 from wrenchflow.manifest import output_folder, write_manifest
 from wrenchflow.observation import MEAN_NS
 from wrenchflow.process.live import LiveWrench
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks import scenery

@@ -11,7 +11,7 @@ from wrenchflow.deploy.evaluation import Verdict, judge, summarise
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError
 from wrenchflow.manifest import output_folder, write_json, write_manifest
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.tasks import scenery
 
 EVALUATION = "evaluation.json"

@@ -23,7 +23,7 @@ from wrenchflow.process.quality import Quality, assess
 from wrenchflow.process.report import report_page
 from wrenchflow.process.stamps import check_even, segments
 from wrenchflow.recording.reader import find_recordings, read_episode
-from wrenchflow.recording.writer import write_episode
+from wrenchflow.recording.write import write_episode
 from wrenchflow.rig import rig_of
 from wrenchflow.signals import WRENCH
 

@@ -13,9 +13,10 @@ from jaxtyping import UInt8, UInt64
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, DataEnd, Footer, Metadata, Schema, Statistics
+from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
+from wrenchflow import messages
 from wrenchflow.errors import RecordingError
 from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
 
@@ -54,6 +55,7 @@ class Container:
         statistics: From the summary, if there is one.
         chunks: In the order of the file. Messages outside chunks are one more chunk, without compression.
         metadata: Metadata records by name; of several, the last.
+        attachments: Files by name; of several, the last.
     """
 
     def __init__(self, path: Path) -> None:
@@ -73,6 +75,7 @@ class Container:
         self.statistics: Statistics | None = None
         self.chunks: list[Chunk] = []
         self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, messages.Attachment] = {}
 
         footer_start = self.size - len(MAGIC) - _FOOTER_SIZE
         footer = self._parse(Footer.read, footer_start + _PREFIX.size, self.size - len(MAGIC))
@@ -125,6 +128,12 @@ class Container:
                 case Opcode.METADATA:
                     record = self._parse(Metadata.read, start, end)
                     self.metadata[record.name] = record.metadata
+                case Opcode.ATTACHMENT:
+                    try:
+                        name, attached = read_attachment(self._bytes[start:end])
+                    except (struct.error, McapError, ValueError) as error:
+                        raise self.damaged(f"its attachment at byte {start} cannot be read") from error
+                    self.attachments[name] = attached
                 case Opcode.MESSAGE:
                     loose = True
                 case Opcode.DATA_END:
@@ -224,6 +233,24 @@ class Container:
         if not offsets.keys() <= self.channels.keys():
             raise self.damaged("a chunk has messages of a channel that it does not describe")
         return {channel: np.array(rows, np.uint64) for channel, rows in offsets.items()}
+
+
+def read_attachment(content: memoryview) -> tuple[str, messages.Attachment]:
+    """Name and content of an attachment record.
+
+    Raises:
+        ValueError: If its checksum does not match; it may also raise what `mcap` and `struct` raise.
+    """
+    (crc,) = struct.unpack_from("<I", content, len(content) - 4)
+    if crc and zlib.crc32(content[:-4]) != crc:
+        raise ValueError("the checksum of an attachment does not match")
+    record = Attachment.read(ReadDataStream(BytesIO(content)))
+    return record.name, messages.Attachment(
+        data=record.data,
+        media_type=record.media_type,
+        log_time_ns=record.log_time,
+        create_time_ns=record.create_time,
+    )
 
 
 def map_file(path: Path) -> memoryview:

@@ -47,9 +47,12 @@ class Samples(NamedTuple):
     data: Float[np.ndarray, "n d"]
 
 
-def record_header(channel: int, length: int, sequence: int, t: int) -> bytes:
-    """What precedes a message of `length` bytes that was logged and published at `t` [ns]."""
-    return np.array((Opcode.MESSAGE, HEADER.itemsize - UNCOUNTED + length, channel, sequence, t, t), HEADER).tobytes()
+def record_header(channel: int, length: int, sequence: int, t: int, received: int | None = None) -> bytes:
+    """What precedes a message of `length` bytes that was published at `t` and logged at `received`, or at `t` [ns]."""
+    counted = HEADER.itemsize - UNCOUNTED + length
+    return np.array(
+        (Opcode.MESSAGE, counted, channel, sequence, t if received is None else received, t), HEADER
+    ).tobytes()
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import RecordingError, StreamError
 from wrenchflow.recording import codec, schemas
 from wrenchflow.recording.container import Container
+from wrenchflow.recording.file_format import EVENTS, FORMAT_VERSION, META_PREFIX, METADATA, RESULT
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.topic import Topic, record_at
-from wrenchflow.recording.writer import EVENTS, FORMAT_VERSION, META_PREFIX, METADATA, RESULT
 from wrenchflow.signals import Signal
 
 
@@ -117,7 +117,7 @@ def read_episode(path: Path, streams: Collection[str] | None = None) -> Episode:
             raise RecordingError(f"stream '{name}' is not in {path}. It has: {', '.join(available) or 'none'}.")
     order = [*head.streams, *sorted(found.keys() - head.streams.keys())]
     ordered = {name: found[name] for name in order if name in found}
-    return Episode(head.id, head.task, ordered, tuple(events), head.meta)
+    return Episode(head.id, head.task, ordered, tuple(events), head.meta, attachments=container.attachments)
 
 
 def read_info(path: Path) -> RecordingInfo:

@@ -19,17 +19,15 @@ from jaxtyping import UInt64
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.records import Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from wrenchflow.errors import OutputError, RecordingError
 from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
-from wrenchflow.recording.container import map_file
+from wrenchflow.recording.container import map_file, read_attachment
+from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.sink import Sink
-from wrenchflow.recording.writer import METADATA, RESULT
-
-RECOVERED = "wrenchflow/recovered"
 
 _PREFIX = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
@@ -172,15 +170,9 @@ class _Salvage:
                 self._metadata.add(record.name)
                 self._sink_of().add_metadata(record.name, record.metadata)
             elif opcode == Opcode.ATTACHMENT:
-                self._sink_of().add_attachment(self._attachment(content, stream))
+                self._sink_of().add_attachment(*read_attachment(content))
         except _UNREADABLE:
             self._problems[f"a {Opcode(opcode).name.lower()} cannot be read"] += 1
-
-    def _attachment(self, content: memoryview, stream: ReadDataStream) -> Attachment:
-        crc = struct.unpack_from("<I", content, len(content) - 4)[0]
-        if crc and zlib.crc32(content[:-4]) != crc:
-            raise ValueError("checksum")
-        return Attachment.read(stream)
 
     def _define[R: (Schema, Channel)](self, record: R, known: dict[int, R]) -> None:
         if record.id not in known:

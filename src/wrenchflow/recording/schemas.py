@@ -7,11 +7,16 @@ quaternion is wxyz; in these messages it is xyzw, and `column_paths` is the one 
 from collections.abc import Container
 from typing import Any
 
+from mcap.well_known import MessageEncoding, SchemaEncoding
+
 from wrenchflow import signals
 from wrenchflow.errors import StreamError, unknown
+from wrenchflow.messages import MessageType
 from wrenchflow.signals import Signal
 
 EVENT_MESSAGE = "std_msgs/msg/String"
+IMAGE_MESSAGE = "sensor_msgs/msg/CompressedImage"
+CLOCK_MESSAGE = "sensor_msgs/msg/TimeReference"
 
 # The fields of each message in their order on the wire, as "type name"; `[]` marks a sequence.
 FIELDS: dict[str, tuple[str, ...]] = {
@@ -38,6 +43,12 @@ FIELDS: dict[str, tuple[str, ...]] = {
         "float64[] position",
         "float64[] velocity",
         "float64[] effort",
+    ),
+    "sensor_msgs/CompressedImage": ("std_msgs/Header header", "string format", "uint8[] data"),
+    "sensor_msgs/TimeReference": (
+        "std_msgs/Header header",
+        "builtin_interfaces/Time time_ref",
+        "string source",
     ),
     "sensor_msgs/Joy": ("std_msgs/Header header", "float32[] axes", "int32[] buttons"),
 }
@@ -94,6 +105,20 @@ def message_of(signal: Signal) -> str:
             f"a '{signal.kind}' signal takes {len(column_paths(signal))} columns to be recorded, got {signal.width}."
         )
     return _MESSAGE_OF_KIND[signal.kind]
+
+
+def message_type(message: str) -> MessageType:
+    """A message type of ours, for topics that are no streams.
+
+    Args:
+        message: Full name.
+    """
+    return MessageType(
+        name=message,
+        definition=definition(message).encode(),
+        schema_encoding=SchemaEncoding.ROS2,
+        encoding=MessageEncoding.CDR,
+    )
 
 
 def _axes(*vectors: str) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from wrenchflow import __version__
+from wrenchflow import __version__, messages
 from wrenchflow.errors import OutputError
 from wrenchflow.recording.compression import compressor
 
@@ -91,8 +91,15 @@ class Sink:
         self._metadata.append(MetadataIndex(offset=self._offset, length=len(content), name=name))
         self._append(content)
 
-    def add_attachment(self, record: Attachment) -> None:
-        """Add an attachment."""
+    def add_attachment(self, name: str, attached: messages.Attachment) -> None:
+        """Add a file."""
+        record = Attachment(
+            create_time=attached.create_time_ns,
+            log_time=attached.log_time_ns,
+            name=name,
+            media_type=attached.media_type,
+            data=attached.data,
+        )
         content = _bytes(record)
         self._attachments.append(
             AttachmentIndex(
@@ -108,15 +115,23 @@ class Sink:
         self._append(content)
         self._flush()
 
-    def add_chunk(self, records: UInt8[np.ndarray, " size"], index: Mapping[int, UInt64[np.ndarray, "n 2"]]) -> None:
+    def add_chunk(
+        self,
+        records: UInt8[np.ndarray, " size"],
+        index: Mapping[int, UInt64[np.ndarray, "n 2"]],
+        compression: str | None = None,
+    ) -> None:
         """Compress and add a chunk, and hand it to the operating system.
 
         Args:
             records: Message records.
             index: Log time [ns] and offset in `records` of each message, by channel id. Shape (n, 2).
+            compression: Other than the file's.
         """
         content = memoryview(records)
-        self.copy_chunk(self._compress(content), self._compression, len(records), zlib.crc32(records), index)
+        compress = self._compress if compression is None else compressor(compression)
+        chosen = compression or self._compression
+        self.copy_chunk(compress(content), chosen, len(records), zlib.crc32(records), index)
 
     def copy_chunk(
         self,

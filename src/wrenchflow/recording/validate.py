@@ -10,8 +10,8 @@ import numpy as np
 from wrenchflow.episode import Stream
 from wrenchflow.errors import RecordingError
 from wrenchflow.recording.container import Container
+from wrenchflow.recording.file_format import RESULT
 from wrenchflow.recording.reader import read_episode
-from wrenchflow.recording.writer import RESULT
 
 _GAP = 1.5  # Two samples that are further apart than this many periods have a gap between them.
 

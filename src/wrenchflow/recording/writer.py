@@ -1,7 +1,7 @@
-"""Episodes to MCAP files: chunks by time, whole columns at once, and equal bytes for equal data."""
+"""An MCAP file while it is written: chunks by time, whole columns at once, and equal bytes for equal data."""
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
@@ -10,28 +10,24 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int64
 from mcap.records import Channel, Schema
-from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.episode import Event, Stream
 from wrenchflow.errors import StreamError, unknown
+from wrenchflow.messages import Attachment, Messages, MessageType
 from wrenchflow.recording import codec, schemas
+from wrenchflow.recording.file_format import EVENTS, FORMAT_VERSION, META_PREFIX, METADATA, RESULT
 from wrenchflow.recording.layout import SECOND_NS, Layout, record_header
 from wrenchflow.recording.pending import CHUNK_BYTES, CHUNK_NS, PendingChunk
 from wrenchflow.recording.sink import Sink
 from wrenchflow.signals import Signal
 
-FORMAT_VERSION = 1
-EVENTS = "events"
-# Names of the metadata records at the start and at the end, and the prefix that keeps our entries and `meta` apart.
-METADATA = "wrenchflow"
-RESULT = "wrenchflow/result"
-META_PREFIX = "meta."
-
-# Cutting a window into equal times does not cut it into equal bytes, so we aim lower than the limit.
-_TARGET_BYTES = CHUNK_BYTES * 9 // 10
 # `header.stamp` holds int32 seconds.
 _LAST_NS = 2**31 * SECOND_NS - 1
 _EVENTS_CHANNEL = 1
+
+
+# These are compressed already, so they get chunks of their own, which are not, and which no reader of streams opens.
+_COMPRESSED_ALREADY = (schemas.IMAGE_MESSAGE,)
 
 
 @dataclass
@@ -43,6 +39,15 @@ class _Topic:
     frame: str
     count: int = 0
     last_ns: int = -1
+
+
+@dataclass
+class _Other:
+    """A topic of messages that are kept as they are."""
+
+    channel: int
+    type: MessageType
+    count: int = 0
 
 
 class EpisodeWriter:
@@ -58,7 +63,14 @@ class EpisodeWriter:
     """
 
     def __init__(
-        self, path: Path, *, id: str, task: str, meta: Mapping[str, Any] | None = None, compression: str = "zstd"
+        self,
+        path: Path,
+        *,
+        id: str,
+        task: str,
+        meta: Mapping[str, Any] | None = None,
+        compression: str = "zstd",
+        attachments: Mapping[str, Attachment] | None = None,
     ) -> None:
         """Start the file.
 
@@ -68,6 +80,7 @@ class EpisodeWriter:
             task: The task that is attempted.
             meta: JSON values that are known at the start.
             compression: One of `compression.NAMES`.
+            attachments: Files that the recording carries, by name.
 
         Raises:
             ConfigError: If there is no such compression.
@@ -76,9 +89,11 @@ class EpisodeWriter:
         """
         entries = {META_PREFIX + key: _json(key, value) for key, value in (meta or {}).items()}
         self._start = {"format_version": str(FORMAT_VERSION), "id": id, "task": task, **entries}
+        self._attachments = dict(attachments or {})
         self._topics: dict[str, _Topic] = {}
+        self._others: dict[str, _Other] = {}
         self._n_events = 0
-        self._pending = PendingChunk()
+        self._pending, self._pending_images = PendingChunk(), PendingChunk()
         self._started = self._finished = False
         self._sink = Sink(path, compression)
 
@@ -109,14 +124,31 @@ class EpisodeWriter:
         Raises:
             StreamError: If the name is taken, writing has begun, or no message can carry the signal.
         """
-        if self._started:
-            raise StreamError(
-                f"stream '{name}' comes too late: all streams are added before the first chunk is written."
-            )
-        if name in self._topics or name == EVENTS:
-            raise StreamError(f"stream '{name}' cannot be added: the name is taken.")
-        channel = _EVENTS_CHANNEL + 1 + len(self._topics)
+        channel = self._next_channel(name)
         self._topics[name] = _Topic(channel, Layout.for_stream(signal, frame, channel), frame)
+
+    def add_messages(self, name: str, type: MessageType) -> None:
+        """Declare a topic whose messages are kept as they are.
+
+        Args:
+            name: Its name: the topic without its leading slash.
+            type: How its messages are to be understood.
+
+        Raises:
+            StreamError: If the name is taken, or writing has begun.
+        """
+        self._others[name] = _Other(self._next_channel(name), type)
+
+    def _next_channel(self, name: str) -> int:
+        if self._started:
+            raise StreamError(f"'{name}' comes too late: all topics are added before the first chunk is written.")
+        if name in self._topics or name in self._others or name == EVENTS:
+            raise StreamError(f"'{name}' cannot be added: the name is taken.")
+        return _EVENTS_CHANNEL + 1 + len(self._topics) + len(self._others)
+
+    def record_size(self, name: str) -> int:
+        """Bytes of one sample of a stream."""
+        return self._topics[name].layout.size
 
     def write(
         self,
@@ -186,6 +218,26 @@ class EpisodeWriter:
             start_ns, rows = self._pending.start_ns, max(0, CHUNK_BYTES - self._pending.size) // size
         return max(first, min(int(np.searchsorted(t, start_ns + CHUNK_NS)), first + rows))
 
+    def write_messages(self, name: str, messages: Messages) -> None:
+        """Append messages, as they are.
+
+        Raises:
+            StreamError: If no topic of that name and type was added.
+        """
+        if name not in self._others or self._others[name].type != messages.type:
+            raise StreamError(unknown("topic of messages", name, self._others))
+        other = self._others[name]
+        pending = self._pending_images if other.type.name in _COMPRESSED_ALREADY else self._pending
+        stamps = zip(messages.t.tolist(), messages.received.tolist(), messages.sequence.tolist(), strict=True)
+        for (t, received, sequence), payload in zip(stamps, messages.payloads, strict=True):
+            head = record_header(other.channel, len(payload), sequence, t, received)
+            record = pending.reserve(other.channel, np.array([received]), len(head) + len(payload))[0]
+            record[: len(head)] = np.frombuffer(head, np.uint8)
+            record[len(head) :] = np.frombuffer(payload, np.uint8)
+            other.count += 1
+            if pending.size > CHUNK_BYTES:
+                self.flush()
+
     def event(self, event: Event) -> None:
         """Append an event, stamped with its start.
 
@@ -201,46 +253,13 @@ class EpisodeWriter:
         place[0] = np.frombuffer(record, np.uint8)
         self._n_events += 1
 
-    def write_together(self, streams: Mapping[str, Stream], events: Collection[Event] = ()) -> None:
-        """Append several streams, so that each chunk holds all that happened in one window of time.
-
-        Args:
-            streams: Samples by the name of the stream that they go to.
-            events: Events of the same time.
-        """
-        topics = {name: self._check(name, stream.t, stream.data) for name, stream in streams.items()}
-        ordered = sorted(events)
-        moments = {name: stream.t for name, stream in streams.items() if len(stream)}
-        if ordered:
-            moments[EVENTS] = np.array([event.start_ns for event in ordered])
-        done = dict.fromkeys(moments, 0)
-        while left := [name for name in moments if done[name] < len(moments[name])]:
-            start = min(int(moments[name][done[name]]) for name in left)
-            stop = min(start + CHUNK_NS, 1 + max(int(moments[name][-1]) for name in left))
-            size = sum(
-                (int(np.searchsorted(moments[name], stop)) - done[name]) * topics[name].layout.size
-                for name in left
-                if name != EVENTS
-            )
-            pieces = -(-size // _TARGET_BYTES) or 1
-            for piece in range(1, pieces + 1):
-                edge = start + (stop - start) * piece // pieces
-                for name in left:
-                    first, last = done[name], int(np.searchsorted(moments[name], edge))
-                    if name == EVENTS:
-                        for event in ordered[first:last]:
-                            self.event(event)
-                    elif last > first:
-                        self._append(topics[name], moments[name][first:last], streams[name].data[first:last])
-                    done[name] = last
-                self.flush()
-
     def flush(self) -> None:
         """End the current chunk and hand it to the operating system."""
         self._begin()
-        if self._pending.size:
-            self._sink.add_chunk(self._pending.records, self._pending.index)
-            self._pending.clear()
+        for pending, compression in ((self._pending, None), (self._pending_images, "none")):
+            if pending.size:
+                self._sink.add_chunk(pending.records, pending.index, compression)
+                pending.clear()
 
     def sync(self) -> None:
         """Make sure that the chunks so far survive a loss of power; may take tens of milliseconds."""
@@ -261,7 +280,8 @@ class EpisodeWriter:
         if recorded is not None:
             entries["recorded"] = _json("recorded", recorded)
         self.flush()
-        counts = {"/" + EVENTS: self._n_events} | {f"/{name}": topic.count for name, topic in self._topics.items()}
+        topics = {**self._topics, **self._others}
+        counts = {"/" + EVENTS: self._n_events} | {f"/{name}": topic.count for name, topic in topics.items()}
         self._sink.add_metadata(RESULT, entries | {"message_counts": json.dumps(counts)})
         self._sink.finish()
         self._finished = True
@@ -273,43 +293,28 @@ class EpisodeWriter:
         self._started = True
         streams = {name: asdict(topic.layout.signal) | {"frame": topic.frame} for name, topic in self._topics.items()}
         self._sink.add_metadata(METADATA, self._start | {"streams": json.dumps(streams)})
-        messages = {EVENTS: schemas.EVENT_MESSAGE}
-        messages |= {name: schemas.message_of(topic.layout.signal) for name, topic in self._topics.items()}
-        ids = {message: i + 1 for i, message in enumerate(dict.fromkeys(messages.values()))}
-        for message, id in ids.items():
-            text = schemas.definition(message).encode()
-            self._sink.define(Schema(id=id, data=text, encoding=SchemaEncoding.ROS2, name=message))
-        for channel, (name, message) in enumerate(messages.items(), _EVENTS_CHANNEL):
+        for name, attached in self._attachments.items():
+            self._sink.add_attachment(name, attached)
+        types = {EVENTS: schemas.message_type(schemas.EVENT_MESSAGE)}
+        for name, topic in self._topics.items():
+            types[name] = schemas.message_type(schemas.message_of(topic.layout.signal))
+        types |= {name: other.type for name, other in self._others.items()}
+        # A type is told from another by its schema; 0 stands for a topic without one.
+        keys = {name: (of.name, of.schema_encoding, of.definition) for name, of in types.items()}
+        ids = {key: i + 1 for i, key in enumerate(dict.fromkeys(key for key in keys.values() if any(key)))}
+        for (message, encoding, text), id in ids.items():
+            self._sink.define(Schema(id=id, data=text, encoding=encoding, name=message))
+        channels = {name: topic.channel for name, topic in {**self._topics, **self._others}.items()}
+        for name, of in types.items():
             self._sink.define(
                 Channel(
-                    id=channel,
+                    id=channels.get(name, _EVENTS_CHANNEL),
                     topic=f"/{name}",
-                    message_encoding=MessageEncoding.CDR,
+                    message_encoding=of.encoding,
                     metadata={},
-                    schema_id=ids[message],
+                    schema_id=ids.get(keys[name], 0),
                 )
             )
-
-
-def write_episode(path: Path, episode: Episode, compression: str = "zstd") -> None:
-    """Write a whole episode; `meta["result"]` goes into the record at the end. Equal episodes give equal bytes.
-
-    Args:
-        path: Where the file goes; until it is complete it is called `<path>.partial`.
-        episode: What to write.
-        compression: Of the chunks: one of `compression.NAMES`.
-
-    Raises:
-        OutputError: If the path is taken or cannot be written.
-        StreamError: If a value cannot be represented in the message that carries it.
-    """
-    result = episode.meta.get("result")
-    meta = {key: value for key, value in episode.meta.items() if key != "result" or result is None}
-    with EpisodeWriter(path, id=episode.id, task=episode.task, meta=meta, compression=compression) as writer:
-        for name, stream in episode.streams.items():
-            writer.add_stream(name, stream.signal, stream.frame)
-        writer.write_together(episode.streams, episode.events)
-        writer.finish(result)
 
 
 def _json(key: str, value: Any) -> str:
