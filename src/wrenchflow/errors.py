@@ -40,6 +40,10 @@ class ControlError(WrenchflowError):
     """A robot, a simulation or a request that control cannot go on with."""
 
 
+class CameraError(WrenchflowError):
+    """A camera that is not there, or gives what it should not."""
+
+
 def unknown(what: str, got: str, available: Iterable[str]) -> str:
     """Word the message for a name that does not exist, with the nearest one that does.
 

@@ -10,7 +10,7 @@ from jaxtyping import Int64
 from wrenchflow.errors import RecordingError
 from wrenchflow.messages import Bytes, Messages
 from wrenchflow.recording import codec, schemas
-from wrenchflow.recording.layout import SECOND_NS
+from wrenchflow.clock import SECOND_NS
 
 PREFIX = "camera/"  # Of the topics of cameras.
 _LENGTH = struct.Struct("<I")

@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Float, Int64, UInt8
 from mcap.opcode import Opcode
 
+from wrenchflow.clock import SECOND_NS
 from wrenchflow.errors import StreamError
 from wrenchflow.recording import codec, schemas
 from wrenchflow.signals import Signal
 
-SECOND_NS = 1_000_000_000
 # A message record in a chunk starts with these, without padding; its CDR follows.
 HEADER = np.dtype(
     [

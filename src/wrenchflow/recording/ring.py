@@ -43,13 +43,15 @@ _fence: Any = intrinsic(_make_fence)
 
 
 @kernel
-def _push(counters, rows, row):
+def _push(counters, rows, row, size):
     head, tail = counters[0].head, counters[0].tail
     _fence()
     if head - tail >= rows.shape[0]:
         counters[0].dropped += np.uint64(1)
         return False
-    rows[head % np.uint64(rows.shape[0])] = row[0]
+    place = rows[head % np.uint64(rows.shape[0])]
+    for i in range(size):
+        place[i] = row[i]
     _fence()
     counters[0].head = head + np.uint64(1)
     return True
@@ -83,6 +85,8 @@ class Ring:
         self.name, self.dtype, self.capacity = memory.name, dtype, capacity
         self._counters = np.ndarray(1, _COUNTERS, memory.buf)
         self._rows = np.ndarray(capacity, dtype, memory.buf, offset=_COUNTERS.itemsize)
+        # Rows are stored as bytes: one compiled function serves rows of any kind.
+        self._bytes = np.ndarray((capacity, dtype.itemsize), np.uint8, memory.buf, offset=_COUNTERS.itemsize)
 
     @classmethod
     def create(cls, dtype: np.dtype, capacity: int) -> "Ring":
@@ -97,7 +101,7 @@ class Ring:
         ring = cls(memory, dtype, capacity)
         ring._counters[:] = 0
         # Every page is touched now, not by the control loop when it first gets there. So is the code.
-        ring._rows.view(np.uint8)[:] = 0
+        ring._bytes[:] = 0
         ring.push(np.zeros(1, dtype))
         ring._counters[:] = 0
         return ring
@@ -107,9 +111,18 @@ class Ring:
         """Open a ring that another process made."""
         return cls(SharedMemory(name), dtype, capacity)
 
-    def push(self, row: np.ndarray) -> bool:
-        """Store a row, an array of one record; False, and counted, where the ring is full. Never waits."""
-        return _push(self._counters, self._rows, row)
+    def push(self, row: np.ndarray, size: int | None = None) -> bool:
+        """Store a row, an array of one record; False, and counted, where the ring is full. Never waits.
+
+        Args:
+            row: Shape (1,).
+            size: How many bytes of it matter; without it, all.
+        """
+        return _push(self._counters, self._bytes, row.view(np.uint8), self.dtype.itemsize if size is None else size)
+
+    def refuse(self) -> None:
+        """Count a row that was lost before it could be stored."""
+        self._counters["dropped"] += 1
 
     def take(self) -> np.ndarray:
         """A copy of all rows that wait, oldest first; their places are free afterwards."""
@@ -127,7 +140,7 @@ class Ring:
 
     def close(self) -> None:
         """Let go of the memory; the other process keeps it."""
-        del self._counters, self._rows
+        del self._counters, self._rows, self._bytes
         self._memory.close()
 
     def unlink(self) -> None:
