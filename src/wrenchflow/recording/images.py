@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int64
 
+from wrenchflow.clock import SECOND_NS
 from wrenchflow.errors import RecordingError
 from wrenchflow.messages import Bytes, Messages
 from wrenchflow.recording import codec, schemas
-from wrenchflow.clock import SECOND_NS
 
 PREFIX = "camera/"  # Of the topics of cameras.
 _LENGTH = struct.Struct("<I")
