@@ -4,7 +4,6 @@ A driver may block, crash or take its time, and a picture takes milliseconds to 
 control loop, and none of it delays what the writer has to write.
 """
 
-import io
 import multiprocessing
 import signal
 from collections.abc import Iterable
@@ -17,12 +16,12 @@ import numpy as np
 from wrenchflow.camera import Camera, Picture, View
 from wrenchflow.clock import Clock
 from wrenchflow.errors import CameraError, WrenchflowError, unknown
+from wrenchflow.recording.images import jpeg
 from wrenchflow.recording.ring import Ring
 
 PICTURES_WAITING = 8  # What a ring of pictures holds, at most.
 _OPEN_S = 60.0
 _STOP_S = 5.0
-_QUALITY = 90  # Of JPEG: a tenth of the bytes, and edges stay where they are.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,19 +138,14 @@ class _Feed:
         self._head_bytes = view.row.itemsize - view.row["data"].itemsize
 
     def push(self, picture: Picture) -> None:
-        from PIL import Image
-
         expected = (self._view.height, self._view.width, 3)
         if picture.pixels.shape != expected:
             raise CameraError(f"camera '{self._view.name}' gave {picture.pixels.shape}, expected {expected}.")
-        out = io.BytesIO()
-        Image.fromarray(picture.pixels).save(out, "JPEG", quality=_QUALITY)
-        jpeg = out.getbuffer()
-        row = self._row[0]
-        if len(jpeg) > len(row["data"]):
+        row, data = self._row[0], jpeg(picture.pixels)
+        if len(data) > len(row["data"]):
             self._ring.refuse()
             return
-        row["t_ns"], row["sequence"], row["size"] = picture.t_ns, picture.sequence, len(jpeg)
+        row["t_ns"], row["sequence"], row["size"] = picture.t_ns, picture.sequence, len(data)
         row["received_ns"] = self._clock.now_ns()
-        row["data"][: len(jpeg)] = np.frombuffer(jpeg, np.uint8)
-        self._ring.push(self._row, self._head_bytes + len(jpeg))
+        row["data"][: len(data)] = np.frombuffer(data, np.uint8)
+        self._ring.push(self._row, self._head_bytes + len(data))

@@ -4,9 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from wrenchflow.source import SEQUENCE, T
+
 
 class Regularity:
-    """How regularly a source's rows come: gaps against the median of its first hundred periods, and jitter."""
+    """How regularly a source's rows come: gaps against the median of its first hundred periods, numbers that are missing
+    where the source counts its rows, and jitter.
+    """
 
     def __init__(self) -> None:
         self.start_ns = 0
@@ -14,10 +18,16 @@ class Regularity:
         self._last_ns: int | None = None
         self._first: list[int] = []
         self._sum = self._squares = 0.0
-        self._longest_ns = 0
+        self._longest_ns = self._missing = 0
+        self._number: int | None = None
 
-    def see(self, t: np.ndarray) -> None:
-        """Take in the stamps of some rows [ns], which follow those before."""
+    def see(self, rows: np.ndarray) -> None:
+        """Take in some rows, which follow those before."""
+        t = rows[T]
+        if SEQUENCE in (rows.dtype.names or ()):
+            numbers = rows[SEQUENCE] if self._number is None else np.concatenate(([self._number], rows[SEQUENCE]))
+            self._missing += int((np.diff(numbers) - 1).clip(min=0).sum())
+            self._number = int(numbers[-1])
         if self._last_ns is None:
             self.start_ns = int(t[0])
         stamps = t if self._last_ns is None else np.concatenate(([self._last_ns], t))
@@ -38,6 +48,7 @@ class Regularity:
         mean = self._sum / n
         return {
             "rows": self._rows,
+            "missing": self._missing,
             "gaps": self._gaps,
             "longest_s": self._longest_ns * 1e-9,
             "jitter_s": max(self._squares / n - mean**2, 0.0) ** 0.5 * 1e-9,

@@ -163,7 +163,7 @@ class _Writing:
             rows = ring.take()
             if len(rows):
                 newest_ns = self._aged(rows, newest_ns)
-                self._counts[view.name].see(rows[T])
+                self._counts[view.name].see(rows)
                 pictures = [row["data"][: row["size"]] for row in rows]
                 images = image_messages(rows[T], pictures, view.frame, received=rows[RECEIVED], sequence=rows[SEQUENCE])
                 self._writer.write_messages(view.frame, images)
@@ -186,7 +186,7 @@ class _Writing:
 
     def _write(self, source: Source, rows: np.ndarray) -> None:
         count = self._counts[source.name]
-        count.see(rows[T])
+        count.see(rows)
         for column in source.columns:
             samples = samples_of(rows, column, count.start_ns)
             self._writer.write(

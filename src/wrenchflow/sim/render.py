@@ -1,14 +1,12 @@
 """Pictures of a simulated scene, drawn without a screen."""
 
-import copy
-
 import mujoco
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from wrenchflow.errors import CameraError
 from wrenchflow.sim.gl import make_context
-from wrenchflow.sim.state import set_looks
+from wrenchflow.sim.state import looks_size, set_looks
 
 _MAX_GEOMS = 2000
 
@@ -16,11 +14,11 @@ _MAX_GEOMS = 2000
 class Renderer:
     """Draws one model from its cameras; belongs to the thread that made it."""
 
-    def __init__(self, model: mujoco.MjModel, gl: str, width: int, height: int) -> None:
+    def __init__(self, mjcf: str, gl: str, width: int, height: int) -> None:
         """Open a context that no window belongs to.
 
         Args:
-            model: What is drawn; it is copied.
+            mjcf: The model.
             gl: A way that `gl.find_gl` found.
             width: Of a picture [pixels].
             height: Of a picture [pixels].
@@ -28,7 +26,7 @@ class Renderer:
         Raises:
             CameraError: If there is no such context to be had.
         """
-        self._model = copy.copy(model)
+        self._model = mujoco.MjModel.from_xml_string(mjcf)
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         # Smooth edges would take three times as long where there is no graphics card: two cameras, more than a core.
         self._model.vis.quality.offsamples = 0
@@ -44,6 +42,11 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._pixels = np.empty((height, width, 3), np.uint8)
+
+    @property
+    def looks_size(self) -> int:
+        """How many numbers `set` takes."""
+        return looks_size(self._model)
 
     def set(self, looks: Float[np.ndarray, " n"]) -> None:
         """Put everything where `looks_of` saw it."""
