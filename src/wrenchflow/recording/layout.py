@@ -174,7 +174,7 @@ class Layout:
     @cached_property
     def parts(self) -> Parts:
         """The same for the compiled loop that decodes."""
-        fields: dict[str, Any] = {**(self.varying.fields or {})}
+        fields: Any = self.varying.fields
         runs = []
         for name, columns in self.runs:
             code, place = fields[name][0].base, fields[name][1]
