@@ -8,6 +8,7 @@ import multiprocessing
 import signal
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wrenchflow.episode import Event
-from wrenchflow.errors import WrenchflowError
+from wrenchflow.errors import OutputError, WrenchflowError
 from wrenchflow.recording.ring import Ring
 from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.source import Source, T, samples_of
@@ -159,7 +160,8 @@ class _Writing:
 
     def close(self, *, unlink: bool) -> None:
         """Let go of file and rings; where whoever made the rings is no more, they end with us."""
-        self._writer.close()
+        with suppress(OutputError):  # What kept us from finishing was told, and may keep us from closing.
+            self._writer.close()
         for ring in self._rings:
             ring.close()
             if unlink:
