@@ -150,8 +150,7 @@ def assert_saved(path: Path, whole: Episode) -> int:
     saved = path.with_name("saved.mcap")
     try:
         recover(partial, saved)
-    except RecordingError as error:
-        assert "can be saved" in str(error) or "is not an MCAP file" in str(error)
+    except RecordingError:
         assert not saved.exists()
         return 0
     found = read_episode(saved)
