@@ -63,7 +63,7 @@ def decompress(data: memoryview, name: str, limit: int) -> bytes | memoryview:
 
             return _collect(read, limit, (RuntimeError, EOFError))
         case other:
-            raise RecordingError(f"compression '{other}' cannot be read. Readable: zstd, lz4 and none.")
+            raise RecordingError(f"compression '{other[:40]}' cannot be read. Readable: zstd, lz4 and none.")
 
 
 def _whole_frame(data: memoryview, size: int) -> bytes | None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8, UInt64
@@ -180,14 +181,12 @@ class Container:
     def _add_definition(self, opcode: int, data: memoryview | bytes, start: int, end: int) -> None:
         stream = ReadDataStream(BytesIO(data[start:end]))
         try:
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                self.schemas[schema.id] = schema
-            else:
-                channel = Channel.read(stream)
-                self.channels[channel.id] = channel
+            record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
         except (struct.error, McapError, UnicodeDecodeError) as error:
             raise self.damaged(f"its schema or channel at byte {start} cannot be read") from error
+        known: dict[int, Any] = self.schemas if isinstance(record, Schema) else self.channels
+        if known.setdefault(record.id, record) != record:
+            raise self.damaged(f"{type(record).__name__.lower()} {record.id} is defined twice, as different things")
 
     def _read_summary(self, start: int, stop: int) -> None:
         for opcode, first, last in self._records(self._bytes, start, stop):
@@ -278,7 +277,10 @@ def read_attachment(content: memoryview) -> tuple[str, messages.Attachment]:
     (crc,) = struct.unpack_from("<I", content, len(content) - 4)
     if crc and zlib.crc32(content[:-4]) != crc:
         raise ValueError("the checksum of an attachment does not match")
-    record = Attachment.read(ReadDataStream(BytesIO(content)))
+    try:
+        record = Attachment.read(ReadDataStream(BytesIO(content)))
+    except OverflowError as error:
+        raise ValueError("an attachment claims more bytes than there can be") from error
     return record.name, messages.Attachment(
         data=record.data,
         media_type=record.media_type,
@@ -309,6 +311,7 @@ def _open(path: Path) -> memoryview:
     if not MAGIC.startswith(bytes(data[: len(MAGIC)])):
         raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex()}.")
     footer = data[-len(MAGIC) - _FOOTER_SIZE : -len(MAGIC)]
-    if data[-len(MAGIC) :] != MAGIC or len(data) < 2 * len(MAGIC) + _FOOTER_SIZE or footer[0] != Opcode.FOOTER:
+    is_footer = footer[: _PREFIX.size] == _PREFIX.pack(Opcode.FOOTER, _FOOTER_SIZE - _PREFIX.size)
+    if data[-len(MAGIC) :] != MAGIC or len(data) < 2 * len(MAGIC) + _FOOTER_SIZE or not is_footer:
         raise RecordingError(f"{path} is truncated: its end is missing (it has {len(data)} bytes).")
     return data

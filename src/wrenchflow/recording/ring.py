@@ -9,7 +9,9 @@ ordered processor, such as an ARM, from moving anything across. `head` and `tail
 lasts 584 million years), so `head - tail` is how many rows wait, and a full ring cannot be mistaken for an empty one.
 """
 
+import os
 from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from wrenchflow.compiled import kernel
-from wrenchflow.errors import StreamError
+from wrenchflow.errors import OutputError, StreamError
 
 # Each counter has a cache line of its own: the two processes write them all the time.
 _LINE = 64
@@ -29,6 +31,8 @@ _COUNTERS = np.dtype(
         "itemsize": 2 * _LINE,
     }
 )
+
+_PLACE = Path("/dev/shm")  # Where Linux keeps shared memory, as files.
 
 
 def _make_fence(context):
@@ -70,6 +74,24 @@ def _give_back(counters, tail):
     counters[0].tail = tail
 
 
+def _reserve(size: int) -> SharedMemory:
+    """Shared memory that is there: where the system has promised more than it has, it ends whoever touches that."""
+    memory: SharedMemory | None = None
+    try:
+        memory = SharedMemory(create=True, size=size)
+        place = _PLACE / memory.name
+        if place.exists():  # Elsewhere than on Linux shared memory is no file, and nothing but a touch can tell.
+            with place.open("r+b") as file:
+                os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        if memory is not None:
+            memory.close()
+            memory.unlink()
+        why = (error.strerror or str(error)).lower()
+        raise OutputError(f"shared memory has no room for a ring of {size} bytes: {why}.") from error
+    return memory
+
+
 class Ring:
     """One end of a ring; `create` makes it, `attach` opens it in the other process.
 
@@ -93,11 +115,12 @@ class Ring:
         """Make a ring of `capacity` rows, empty.
 
         Raises:
+            OutputError: If there is not enough shared memory left.
             StreamError: If it would hold no row.
         """
         if capacity < 1:
             raise StreamError(f"a ring holds at least 1 row, got {capacity}.")
-        memory = SharedMemory(create=True, size=_COUNTERS.itemsize + capacity * dtype.itemsize)
+        memory = _reserve(_COUNTERS.itemsize + capacity * dtype.itemsize)
         ring = cls(memory, dtype, capacity)
         ring._counters[:] = 0
         # Every page is touched now, not by the control loop when it first gets there. So is the code.

@@ -9,6 +9,7 @@ import multiprocessing
 import signal
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 from wrenchflow.camera import View
 from wrenchflow.clock import SECOND_NS, Clock
 from wrenchflow.episode import Event
-from wrenchflow.errors import WrenchflowError
+from wrenchflow.errors import OutputError, WrenchflowError
 from wrenchflow.messages import Attachment, Messages
 from wrenchflow.recording import codec, schemas
 from wrenchflow.recording.camera_process import PICTURES_WAITING
@@ -226,7 +227,8 @@ class _Writing:
 
     def close(self, *, unlink: bool) -> None:
         """Let go of file and rings; where whoever made the rings is no more, they end with us."""
-        self._writer.close()
+        with suppress(OutputError):  # What kept us from finishing was told, and may keep us from closing.
+            self._writer.close()
         for ring in self._rings:
             ring.close()
             if unlink:
