@@ -50,8 +50,8 @@ def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp
     targets = []
     begun = realtime._Beat.__init__
 
-    def begin_and_kill(self, recorder):
-        begun(self, recorder)
+    def begin_and_kill(self, recorder, *rest):
+        begun(self, recorder, *rest)
         threading.Timer(1.2, os.kill, (recorder.writer_pid, signal.SIGKILL)).start()
 
     advance = realtime.Attempt.advance

@@ -80,6 +80,7 @@ def test_what_was_stored_is_what_is_read(tmp_path, compression):
     assert episode.meta["result"] == {"success": True}
     assert episode.meta["recorded"]["control"] == {
         "rows": 700,
+        "missing": 0,
         "gaps": 0,
         "longest_s": pytest.approx(1e-3),
         "jitter_s": 0.0,
@@ -117,6 +118,7 @@ def test_a_gap_and_rows_that_found_no_room_are_counted(tmp_path):
     said = read_episode(tmp_path / "e.mcap").meta["recorded"]["control"]
     assert said["dropped"] == dropped
     assert said["rows"] == 350 - dropped
+    assert said["missing"] == 50 + dropped
     assert said["gaps"] >= 1
 
 

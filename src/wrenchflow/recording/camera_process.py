@@ -65,6 +65,10 @@ class CameraProcess:
         if said:
             raise CameraError(said)
 
+    def begin(self) -> None:
+        """Let it take pictures: there is somebody who writes them."""
+        self._control.send("begin")
+
     def stop(self) -> dict[str, str]:
         """Let it push what it has, and end it; returns what went wrong while it ran, by view."""
         with suppress(OSError):  # One that has ended is told nothing; why it ended is read below.
@@ -103,13 +107,17 @@ def _run(job: _Job, control: Connection) -> None:
         Ring.attach(name, view.row, PICTURES_WAITING) for name, view in zip(job.rings, job.camera.views, strict=True)
     ]
     feeds = {view.name: _Feed(view, ring, job.clock) for view, ring in zip(job.camera.views, rings, strict=True)}
-    said = ""
+    said = f"the process of camera '{', '.join(feeds)}' ended by itself."
     try:
         job.camera.open(job.clock)
         control.send("")
+        control.recv()  # A picture that is taken before somebody writes would find its ring full.
         while not wait([control, parent.sentinel], 0):
             _push(job.camera.take(), feeds)
         _push(job.camera.take(), feeds)  # What was under way when we were told to stop.
+        said = ""
+    except EOFError:
+        said = ""  # Whoever made us went before anything began.
     except WrenchflowError as error:
         said = str(error)
     except Exception as error:  # A driver is somebody else's; whatever it raises is what the camera died of.

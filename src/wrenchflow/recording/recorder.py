@@ -97,15 +97,17 @@ class Recorder:
         context = multiprocessing.get_context("spawn")
         self._control, theirs = context.Pipe()
         self._process = context.Process(target=run_writer, args=(job, theirs), name="wrenchflow-writer", daemon=True)
-        self._process.start()
-        theirs.close()
-        self._end = select.poll()  # Made once: a look then costs a microsecond.
-        self._end.register(self._process.sentinel, select.POLLIN)
         self._looked_s, self._was_alive, self._finished = 0.0, True, False
         try:
-            self._expect("begin", _START_S)
             for camera in self._cameras:
                 camera.wait_until_open()
+            self._process.start()
+            theirs.close()
+            self._end = select.poll()  # Made once: a look then costs a microsecond.
+            self._end.register(self._process.sentinel, select.POLLIN)
+            self._expect("begin", _START_S)
+            for camera in self._cameras:
+                camera.begin()
         except BaseException:
             self._release()
             raise
@@ -206,10 +208,11 @@ class Recorder:
         for camera in self._cameras:
             camera.release()
         self._control.close()
-        self._process.join(1.0)
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join()
+        if self._process.pid is not None:  # Else it was not started: a camera was not there.
+            self._process.join(1.0)
+            if self._process.is_alive():
+                self._process.terminate()
+                self._process.join()
         for ring in (*self._rings.values(), self._events):
             ring.close()
             ring.unlink()

@@ -8,8 +8,8 @@ from wrenchflow.source import SEQUENCE, T
 
 
 class Regularity:
-    """How regularly a source's rows come: gaps against the median of its first hundred periods, numbers that are missing
-    where the source counts its rows, and jitter.
+    """How regularly a source's rows come: gaps against the median of its first hundred periods, jitter, and, where the
+    source numbers its rows, numbers that are missing.
     """
 
     def __init__(self) -> None:

@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,15 +24,8 @@ from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task
 
 Beat = Callable[[np.ndarray], None]
-
-
-class Glance(Protocol):
-    """Called at each moment that a camera takes a picture; what it is given decides what the picture looks like."""
-
-    def __call__(self, t_ns: int, number: int, looks: Float[np.ndarray, " n"], /) -> None:
-        """Keep `looks_of` the scene at `t_ns`, for picture `number`."""
-        ...
-
+# Called with the time [ns], the number of a picture, and what the scene looks like then.
+Glance = Callable[[int, int, np.ndarray], None]
 
 _MARGIN_S = 1.0  # The last step may end after the time limit.
 MODEL = "model.xml"  # Name of the attached file.
