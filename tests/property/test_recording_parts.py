@@ -98,16 +98,16 @@ def joined(parts: list[Episode], whole: Episode) -> Episode:
     messages = {}
     for name, kept in whole.messages.items():
         of = [part.messages[name] for part in parts]
-        columns = [np.concatenate([getattr(p, key) for p in of]) for key in ("t", "received", "sequence")]
-        messages[name] = Messages(kept.type, *columns, [payload for p in of for payload in p.payloads])
+        t, received, sequence = (np.concatenate([getattr(p, key) for p in of]) for key in ("t", "received", "sequence"))
+        messages[name] = Messages(kept.type, t, received, sequence, [payload for p in of for payload in p.payloads])
     events = tuple(event for part in parts for event in part.events)
     return Episode(whole.id, whole.task, streams, events, whole.meta, messages, whole.attachments)
 
 
 def in_order_of_time(messages: Messages) -> Messages:
     order = np.argsort(messages.t, kind="stable")
-    columns = [getattr(messages, key)[order] for key in ("t", "received", "sequence")]
-    return Messages(messages.type, *columns, [bytes(messages.payloads[i]) for i in order.tolist()])
+    t, received, sequence = (getattr(messages, key)[order] for key in ("t", "received", "sequence"))
+    return Messages(messages.type, t, received, sequence, [bytes(messages.payloads[i]) for i in order.tolist()])
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -60,7 +60,7 @@ class RecordingInfo:
         id: Name of the episode.
         task: The task that was attempted; empty in files of other writers.
         meta: JSON values; empty in files of other writers.
-        topics: In the order of their names.
+        topics: In the order of their names; one that carries several types is there once for each.
         duration_s: From the first to the last message [s].
         size_bytes: Length of the file.
         chunks: How many chunks there are, by how they are compressed.
@@ -87,13 +87,14 @@ def info_of(container: Container, head: Head) -> RecordingInfo:
     for chunk in container.chunks:
         for id, index in container.index(chunk).items():
             parts.setdefault(id, []).append(index[:, 0])
-    times = {id: np.sort(np.concatenate(of)) for id, of in parts.items()}
-    topics = [
-        _topic(channel.topic, container.schema_name(id), times.get(id, np.empty(0, np.uint64)))
-        for id, channel in container.channels.items()
-    ]
-    start_ns = min((int(t[0]) for t in times.values()), default=0)
-    stop_ns = max((int(t[-1]) for t in times.values()), default=0)
+    # Several publishers of a topic have a channel each.
+    by_topic: dict[tuple[str, str], list[np.ndarray]] = {}
+    for id, channel in container.channels.items():
+        by_topic.setdefault((channel.topic, container.schema_name(id)), []).extend(parts.get(id, ()))
+    times = {of: np.sort(np.concatenate([np.empty(0, np.uint64), *t])) for of, t in sorted(by_topic.items())}
+    held = [t for t in times.values() if len(t)]
+    start_ns = min((int(t[0]) for t in held), default=0)
+    stop_ns = max((int(t[-1]) for t in held), default=0)
     attachments = {
         name: AttachmentInfo(size_bytes=len(attached.data), media_type=attached.media_type)
         for name, attached in container.attachments.items()
@@ -102,7 +103,7 @@ def info_of(container: Container, head: Head) -> RecordingInfo:
         id=head.id,
         task=head.task,
         meta=head.meta,
-        topics=tuple(sorted(topics, key=lambda topic: topic.name)),
+        topics=tuple(_topic(name, schema, t) for (name, schema), t in times.items()),
         duration_s=(stop_ns - start_ns) * 1e-9,
         size_bytes=container.size,
         chunks=dict(Counter(chunk.compression or "none" for chunk in container.chunks)),
