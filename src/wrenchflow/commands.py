@@ -16,7 +16,7 @@ from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
-from wrenchflow.told import doctor_lines, quickstart_lines, result_lines, validation_lines
+from wrenchflow.told import doctor_lines, quickstart_lines, recording_lines, result_lines, validation_lines
 from wrenchflow.train.config import TrainConfig
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
@@ -219,6 +219,10 @@ class Info(Command):
         from wrenchflow.describe import describe
 
         return describe(self.path)
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """Tables for a recording."""
+        return recording_lines(result) if result["kind"] == "recording" else result_lines(result)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,11 +1,16 @@
 """What a file or a folder of ours holds, for `wrenchflow info`; beside the command line, imported by nothing but it."""
 
 import json
+from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wrenchflow.errors import RecordingError
 from wrenchflow.manifest import NAME, read_json, read_manifest
+
+if TYPE_CHECKING:
+    from wrenchflow.recording.info import TopicInfo
 
 KINDS = "a recording (.mcap), a data set (robomimic .hdf5 or LeRobot folder), or a folder that a stage wrote"
 
@@ -51,21 +56,32 @@ def _recording(path: Path) -> dict[str, Any]:
     from wrenchflow.recording.reader import read_info
 
     info = read_info(path)
+    names = Counter(topic.name for topic in info.topics)
     return {
         "kind": "recording",
         "id": info.id,
         "task": info.task,
         "duration_s": round(info.duration_s, 3),
         "size_bytes": info.size_bytes,
+        "chunks": dict(info.chunks),
         "result": info.meta.get("result"),
+        "recorded": info.meta.get("recorded"),
         "topics": {
-            topic.name: {
-                "schema": topic.schema,
-                "messages": topic.count,
-                "rate_hz": None if topic.rate_hz is None else round(topic.rate_hz, 2),
-            }
+            topic.name if names[topic.name] == 1 else f"{topic.name} ({topic.schema})": _topic(topic)
             for topic in info.topics
         },
+        "attachments": {name: asdict(attached) for name, attached in sorted(info.attachments.items())},
+    }
+
+
+def _topic(topic: "TopicInfo") -> dict[str, Any]:
+    rate_hz, longest_pause_s = topic.rate_hz, topic.longest_pause_s
+    return {
+        "schema": topic.schema,
+        "messages": topic.count,
+        "rate_hz": None if rate_hz is None else round(rate_hz, 2),
+        "gaps": topic.gaps,
+        "longest_pause_s": None if longest_pause_s is None else round(longest_pause_s, 6),
     }
 
 

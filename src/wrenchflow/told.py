@@ -1,7 +1,7 @@
 """Results as lines for a person to read."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
@@ -68,6 +68,64 @@ def doctor_lines(found: Mapping[str, Any]) -> list[str]:
 def _wrapped(sign: str, text: str) -> list[str]:
     """Lines of at most 88 characters, with a sign before the first."""
     return wrap(text, 88, initial_indent=sign, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)
+
+
+def recording_lines(found: Mapping[str, Any]) -> list[str]:
+    """What `info` says of a recording: what it is, its topics, how it was recorded, and what is attached to it."""
+    about = {
+        "id": found["id"],
+        "task": found["task"] or None,
+        "duration": f"{found['duration_s']:.3f} s",
+        "size": f"{found['size_bytes'] / 1e6:.3f} MB",
+        "chunks": ", ".join(f"{count} {name}" for name, count in found["chunks"].items()) or None,
+        "result": _pairs(found["result"]),
+    }
+    topics = [
+        (name, of["schema"] or "-", of["messages"], _rate(of["rate_hz"]), _said(of["gaps"]), _ms(of["longest_pause_s"]))
+        for name, of in found["topics"].items()
+    ]
+    lines = [*result_lines(about), "", *_table("topic|type", "messages|rate|gaps|longest pause", topics)]
+    recorded = found["recorded"] if isinstance(found["recorded"], Mapping) else {}
+    if all(isinstance(of, Mapping) for of in recorded.values()) and recorded:
+        sources = [
+            (
+                name,
+                *(_said(of.get(key)) for key in ("rows", "missing", "dropped", "gaps")),
+                _ms(of.get("longest_s")),
+                "-" if of.get("jitter_s") is None else f"{of['jitter_s'] * 1e6:.1f} us",
+            )
+            for name, of in recorded.items()
+        ]
+        problems = [of["problem"] for of in recorded.values() if "problem" in of]
+        lines += ["", *_table("recorded from", "rows|missing|dropped|gaps|longest pause|jitter", sources), *problems]
+    if found["attachments"]:
+        attached = [(name, of["media_type"] or "-", of["size_bytes"]) for name, of in found["attachments"].items()]
+        lines += ["", *_table("attachment|type", "bytes", attached)]
+    return lines
+
+
+def _pairs(value: Any) -> str:
+    return ", ".join(f"{key} {_said(of)}" for key, of in value.items()) if isinstance(value, Mapping) else _said(value)
+
+
+def _rate(rate_hz: float | None) -> str:
+    return "-" if rate_hz is None else f"{rate_hz:.1f} Hz"
+
+
+def _ms(time_s: float | None) -> str:
+    return "-" if time_s is None else f"{time_s * 1e3:.3f} ms"
+
+
+def _table(texts: str, numbers: str, rows: Sequence[Sequence[Any]]) -> list[str]:
+    """Rows under their heads, which a bar separates: texts to the left, numbers to the right."""
+    heads = [*texts.split("|"), *numbers.split("|")]
+    said = [heads, *([str(cell) for cell in row] for row in rows)]
+    widths = [max(len(row[i]) for row in said) for i in range(len(heads))]
+    sides = ["<"] * len(texts.split("|")) + [">"] * len(numbers.split("|"))
+    return [
+        "  ".join(f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=True)).rstrip()
+        for row in said
+    ]
 
 
 def quickstart_lines(summary: Mapping[str, Any]) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import OutputError, RecordingError, StreamError, WrenchflowError
+from wrenchflow.messages import Attachment
 from wrenchflow.recording.reader import read_episode, read_info
 from wrenchflow.recording.write import write_episode
 from wrenchflow.recording.writer import EpisodeWriter
@@ -217,6 +218,24 @@ def test_info_tells_what_is_there(tmp_path: Path):
     assert (pose.name, pose.schema, pose.count) == ("/tcp_pose", "geometry_msgs/msg/PoseStamped", 1200)
     assert pose.rate_hz == pytest.approx(1000.0)
     assert (wrench.start_ns, wrench.stop_ns) == (T[0], T[-1])
+
+
+def test_info_tells_pauses_chunks_and_attachments(tmp_path: Path):
+    t = np.delete(T, slice(700, 720))
+    wrench = Stream(t, np.zeros((len(t), 6)), WRENCH, "sensor")
+    attached = Attachment(data=b"mass = 1", media_type="application/toml")
+    late = Stream(T[[0, 100, 1100]], np.zeros((3, 7)), POSE)
+    streams = {"wrench_raw": wrench, "late": late}
+    write_episode(tmp_path / "e.mcap", Episode("e", "", streams, attachments={"rig.toml": attached}))
+    info = read_info(tmp_path / "e.mcap")
+    topics = {topic.name: topic for topic in info.topics}
+    assert (topics["/wrench_raw"].gaps, topics["/wrench_raw"].longest_pause_s) == (1, 0.021)
+    assert (topics["/late"].gaps, topics["/late"].longest_pause_s) == (1, 1.0)
+    assert (topics["/events"].gaps, topics["/events"].longest_pause_s) == (None, None)
+    assert dict(info.chunks) == {"zstd": 3}
+    assert {name: (of.size_bytes, of.media_type) for name, of in info.attachments.items()} == {
+        "rig.toml": (8, "application/toml")
+    }
 
 
 def test_info_does_not_decompress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -25,8 +25,8 @@ class TopicInfo:
         rate_hz: Mean rate [Hz]; None for fewer than two messages.
         start_ns: Log time of the first message [ns]; None without one.
         stop_ns: Log time of the last message [ns]; None without one.
-        gaps: Pauses of more than one and a half times the median period; None for fewer than three messages.
-        longest_pause_s: The longest time between two messages [s]; None for fewer than two.
+        gaps: Pauses of more than one and a half times a publisher's median period; None for fewer than three messages.
+        longest_pause_s: The longest time between two messages of a publisher [s]; None for fewer than two.
     """
 
     name: str
@@ -60,7 +60,7 @@ class RecordingInfo:
         id: Name of the episode.
         task: The task that was attempted; empty in files of other writers.
         meta: JSON values; empty in files of other writers.
-        topics: In the order of their names.
+        topics: In the order of their names; one that carries several types is there once for each.
         duration_s: From the first to the last message [s].
         size_bytes: Length of the file.
         chunks: How many chunks there are, by how they are compressed.
@@ -87,13 +87,14 @@ def info_of(container: Container, head: Head) -> RecordingInfo:
     for chunk in container.chunks:
         for id, index in container.index(chunk).items():
             parts.setdefault(id, []).append(index[:, 0])
-    times = {id: np.sort(np.concatenate(of)) for id, of in parts.items()}
-    topics = [
-        _topic(channel.topic, container.schema_name(id), times.get(id, np.empty(0, np.uint64)))
-        for id, channel in container.channels.items()
-    ]
-    start_ns = min((int(t[0]) for t in times.values()), default=0)
-    stop_ns = max((int(t[-1]) for t in times.values()), default=0)
+    # Several publishers of a topic have a channel each, and each of them a clock of its own.
+    topics: dict[tuple[str, str], list[np.ndarray]] = {}
+    for id, channel in container.channels.items():
+        times = np.sort(np.concatenate([np.empty(0, np.uint64), *parts.get(id, ())]))
+        topics.setdefault((channel.topic, container.schema_name(id)), []).append(times)
+    held = [t for of in topics.values() for t in of if len(t)]
+    start_ns = min((int(t[0]) for t in held), default=0)
+    stop_ns = max((int(t[-1]) for t in held), default=0)
     attachments = {
         name: AttachmentInfo(size_bytes=len(attached.data), media_type=attached.media_type)
         for name, attached in container.attachments.items()
@@ -102,7 +103,9 @@ def info_of(container: Container, head: Head) -> RecordingInfo:
         id=head.id,
         task=head.task,
         meta=head.meta,
-        topics=tuple(sorted(topics, key=lambda topic: topic.name)),
+        topics=tuple(
+            _topic(name, schema, of) for (name, schema), of in sorted(topics.items(), key=lambda item: item[0])
+        ),
         duration_s=(stop_ns - start_ns) * 1e-9,
         size_bytes=container.size,
         chunks=dict(Counter(chunk.compression or "none" for chunk in container.chunks)),
@@ -110,17 +113,21 @@ def info_of(container: Container, head: Head) -> RecordingInfo:
     )
 
 
-def _topic(name: str, schema: str, t: UInt64[np.ndarray, " n"]) -> TopicInfo:
-    between_ns = np.diff(t)
-    start_ns, stop_ns = (int(t[0]), int(t[-1])) if len(t) else (None, None)
-    span_ns = int(between_ns.sum())
+def _topic(name: str, schema: str, times: list[UInt64[np.ndarray, " n"]]) -> TopicInfo:
+    """What the log times of each channel of a topic say, which are in order [ns]."""
+    count = sum(map(len, times))
+    held = [t for t in times if len(t)]
+    start_ns, stop_ns = min((int(t[0]) for t in held), default=None), max((int(t[-1]) for t in held), default=None)
+    span_ns = stop_ns - start_ns if start_ns is not None and stop_ns is not None else 0
+    between_ns = [np.diff(t) for t in times if len(t) > 1]
+    gaps = [int((between > _GAP * np.median(between)).sum()) for between in between_ns if len(between) > 1]
     return TopicInfo(
         name=name,
         schema=schema,
-        count=len(t),
-        rate_hz=len(between_ns) / span_ns * 1e9 if span_ns else None,
+        count=count,
+        rate_hz=(count - 1) / span_ns * 1e9 if span_ns else None,
         start_ns=start_ns,
         stop_ns=stop_ns,
-        gaps=int((between_ns > _GAP * np.median(between_ns)).sum()) if len(t) > 2 else None,
-        longest_pause_s=float(between_ns.max()) * 1e-9 if len(t) > 1 else None,
+        gaps=sum(gaps) if gaps else None,
+        longest_pause_s=max((float(between.max()) * 1e-9 for between in between_ns), default=None),
     )

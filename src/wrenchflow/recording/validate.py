@@ -60,6 +60,7 @@ def validate(path: Path) -> Validation:
         raise RecordingError(f"recording '{path}' does not exist.")
     try:
         container = Container(path)
+        container.check()
         problems = [*_chunks(container), *_counts(container)]
         episode = read_episode(path)
     except RecordingError as error:
