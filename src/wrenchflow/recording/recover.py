@@ -28,12 +28,13 @@ from wrenchflow.recording.container import map_file, read_attachment
 from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.sink import Sink
+from wrenchflow.recording.summary import read_summary
 
 _PREFIX = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _LOOSE_BYTES = 512 * 1024  # Messages outside of chunks are gathered into chunks of this size.
 _MESSAGE = struct.Struct("<HIQ")
-_FOOTER, _CRC = struct.Struct("<QQI"), struct.Struct("<I")
+_CRC = struct.Struct("<I")
 _UNREADABLE = (struct.error, McapError, ValueError)
 
 
@@ -94,6 +95,7 @@ class _Salvage:
         self._problems: Counter[str] = Counter()
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
+        self._summary = read_summary(data)
         self._metadata: set[str] = set()
         self._sink: Sink | None = None
         self._loose: list[memoryview] = []
@@ -137,20 +139,14 @@ class _Salvage:
             at = stop
 
     def _look_at_end(self, opcode: int, at: int, stop: int) -> None:
-        """Say what is wrong with the checksums and the summary, of which nothing is used."""
+        """Say what is wrong with the end of the data and with the summary, which is made anew."""
         content = self._data[at + _PREFIX.size : stop]
         if opcode != Opcode.DATA_END or len(content) != _CRC.size:
             self._problems["its data has no end record"] += 1
         elif (crc := _CRC.unpack(content)[0]) and zlib.crc32(self._data[:at]) != crc:
             self._problems["the checksum of its data does not match"] += 1
-        end = len(self._data) - len(MAGIC)
-        footer = end - _PREFIX.size - _FOOTER.size
-        if self._data[end:] != MAGIC or footer < at or self._data[footer] != Opcode.FOOTER:
-            self._problems["its summary is cut off"] += 1
-            return
-        start, _, crc = _FOOTER.unpack_from(self._data, footer + _PREFIX.size)
-        if crc and (start > footer or zlib.crc32(self._data[start or footer : end - _CRC.size]) != crc):
-            self._problems["the checksum of its summary does not match"] += 1
+        if self._summary.problem:
+            self._problems[self._summary.problem] += 1
 
     def _take(self, opcode: int, start: int, stop: int) -> None:
         content = self._data[start:stop]
@@ -162,7 +158,7 @@ class _Salvage:
             self._take_record(opcode, content)
 
     def _take_loose(self, record: memoryview) -> None:
-        if len(record) < HEADER.itemsize or _MESSAGE.unpack_from(record, _PREFIX.size)[0] not in self._channels:
+        if len(record) < HEADER.itemsize or not self._knows(_MESSAGE.unpack_from(record, _PREFIX.size)[0]):
             self._problems["a message of a channel that is not described"] += 1
             return
         self._loose.append(record)
@@ -199,6 +195,16 @@ class _Salvage:
             self._sink_of().define(record)
         elif known[record.id] != record:
             self._problems[f"{type(record).__name__.lower()} {record.id} is defined twice, the first counts"] += 1
+
+    def _knows(self, channel: int) -> bool:
+        """Whether a channel is described; if what described it was lost, the summary may repeat it."""
+        if channel not in self._channels and channel in self._summary.channels:
+            self._problems["what describes a channel is had from the summary"] += 1
+            spare = self._summary.channels[channel]
+            if spare.schema_id not in self._schemas and spare.schema_id in self._summary.schemas:
+                self._define(self._summary.schemas[spare.schema_id], self._schemas)
+            self._define(spare, self._channels)
+        return channel in self._channels
 
     def _take_chunk(self, start: int, stop: int, *, is_whole: bool) -> None:
         if start + _CHUNK.size > stop:
@@ -244,7 +250,7 @@ class _Salvage:
                 self._take_record(opcode, content[start:stop])
             elif opcode == Opcode.MESSAGE and stop - at >= HEADER.itemsize:
                 channel, _, log_time = _MESSAGE.unpack_from(content, start)
-                if channel in self._channels:
+                if self._knows(channel):
                     messages.append(_Message(channel, log_time, at, stop))
                 else:
                     is_clean = False
@@ -267,19 +273,18 @@ class _Salvage:
         """Complete the new file."""
         self._add(self._loose)
         if not self._messages and not self._channels:
-            raise RecordingError(f"nothing of '{self._path}' can be saved: {self._said() or 'it is empty'}.")
+            raise RecordingError(
+                f"nothing of '{self._path}' can be saved: {'; '.join(self._words()) or 'it is empty'}."
+            )
         if RESULT not in self._metadata and METADATA in self._metadata:
             self._problems["what came of the episode is not known"] += 1
-        entries = {"messages": str(self._messages), "problems": json.dumps(self._said())}
+        entries = {"messages": str(self._messages), "problems": json.dumps("; ".join(self._words()))}
         self._sink_of().add_metadata(RECOVERED, entries)
         self._sink_of().finish()
         return Recovery(messages=self._messages, chunks=self._chunks, problems=tuple(self._words()))
 
     def _words(self) -> list[str]:
         return [what if count == 1 else f"{what} ({count} times)" for what, count in self._problems.items()]
-
-    def _said(self) -> str:
-        return "; ".join(self._words())
 
 
 def _index(messages: list[_Message]) -> dict[int, UInt64[np.ndarray, "n 2"]]:
