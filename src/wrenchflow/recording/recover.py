@@ -8,11 +8,12 @@ bytes were changed, none is. The summary is made anew.
 import json
 import struct
 import zlib
+from bisect import bisect_right
 from collections import Counter
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from jaxtyping import UInt64
@@ -25,7 +26,7 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 from wrenchflow.errors import OutputError, RecordingError
 from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
 from wrenchflow.recording.container import map_file, read_attachment
-from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT
+from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT, readable
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.sink import Sink
 from wrenchflow.recording.summary import read_summary
@@ -127,6 +128,11 @@ class _Salvage:
                 return
             opcode, length = _PREFIX.unpack_from(self._data, at)
             start, stop = at + _PREFIX.size, at + _PREFIX.size + length
+            is_end = opcode in (0, Opcode.DATA_END, Opcode.FOOTER)
+            if (other := self._start_within(at, len(self._data) if is_end else stop)) is not None:
+                self._problems["a record ends where it cannot"] += 1
+                at = other
+                continue
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._look_at_end(opcode, at, min(stop, len(self._data)))
                 return
@@ -137,6 +143,12 @@ class _Salvage:
                 return
             self._take(opcode, start, stop)
             at = stop
+
+    def _start_within(self, at: int, stop: int) -> int | None:
+        """Where the summary says that another record begins within this one, whose length is wrong then."""
+        starts = self._summary.starts if self._summary.is_vouched else []
+        later = bisect_right(starts, at)
+        return next((start for start in starts[later : later + 1] if start < stop), None)
 
     def _look_at_end(self, opcode: int, at: int, stop: int) -> None:
         """Say what is wrong with the end of the data and with the summary, which is made anew."""
@@ -179,14 +191,23 @@ class _Salvage:
                 self._define(Channel.read(stream), self._channels)
             elif opcode == Opcode.METADATA:
                 record = Metadata.read(stream)
-                self._metadata.add(record.name)
-                self._sink_of().add_metadata(record.name, record.metadata)
+                entries = readable(record.name, record.metadata)
+                if entries != record.metadata:
+                    self._problems[f"metadata '{record.name}' cannot be read" + (" in part" if entries else "")] += 1
+                if entries:
+                    self._metadata.add(record.name)
+                    self._sink_of().add_metadata(record.name, entries)
             elif opcode == Opcode.ATTACHMENT:
                 self._sink_of().add_attachment(*read_attachment(content))
         except _UNREADABLE:
             self._problems[f"a {Opcode(opcode).name.lower()} cannot be read"] += 1
 
     def _define[R: (Schema, Channel)](self, record: R, known: dict[int, R]) -> None:
+        kind = type(record).__name__.lower()
+        repeated = self._summary.schemas if isinstance(record, Schema) else self._summary.channels
+        if self._summary.is_vouched and repeated.get(record.id, record) != record:
+            self._problems[f"{kind} {record.id} is not what the summary says, which counts"] += 1
+            record = cast(R, repeated[record.id])
         if record.id not in known:
             if isinstance(record, Channel) and record.schema_id and record.schema_id not in self._schemas:
                 self._problems[f"channel {record.id} has a schema that is not there"] += 1
@@ -194,7 +215,7 @@ class _Salvage:
             known[record.id] = record
             self._sink_of().define(record)
         elif known[record.id] != record:
-            self._problems[f"{type(record).__name__.lower()} {record.id} is defined twice, the first counts"] += 1
+            self._problems[f"{kind} {record.id} is defined twice, the first counts"] += 1
 
     def _knows(self, channel: int) -> bool:
         """Whether a channel is described; if what described it was lost, the summary may repeat it."""
