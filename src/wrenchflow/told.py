@@ -26,7 +26,8 @@ def _said(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list | tuple):
-        return " ".join(_said(item) for item in value)
+        items = [_said(item) for item in value]
+        return ("; " if any(" " in item for item in items) else " ").join(items)
     return "none" if value == {} else str(value)
 
 

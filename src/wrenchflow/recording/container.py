@@ -306,7 +306,10 @@ def map_file(path: Path) -> memoryview:
 def _open(path: Path) -> memoryview:
     """The bytes of a file that begins and ends as an MCAP file does."""
     if path.suffix == ".partial":
-        raise RecordingError(f"{path} is an unfinished recording: it was interrupted before its end was written.")
+        raise RecordingError(
+            f"{path} is an unfinished recording: it is being written, or was interrupted. "
+            f"`wrenchflow recover {path}` saves what it holds."
+        )
     data = map_file(path)
     if not MAGIC.startswith(bytes(data[: len(MAGIC)])):
         raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex()}.")

@@ -8,11 +8,12 @@ bytes were changed, none is. The summary is made anew.
 import json
 import struct
 import zlib
+from bisect import bisect_right
 from collections import Counter
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from jaxtyping import UInt64
@@ -25,15 +26,16 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 from wrenchflow.errors import OutputError, RecordingError
 from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
 from wrenchflow.recording.container import map_file, read_attachment
-from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT
+from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT, readable
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.sink import Sink
+from wrenchflow.recording.summary import read_summary
 
 _PREFIX = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _LOOSE_BYTES = 512 * 1024  # Messages outside of chunks are gathered into chunks of this size.
 _MESSAGE = struct.Struct("<HIQ")
-_FOOTER, _CRC = struct.Struct("<QQI"), struct.Struct("<I")
+_CRC = struct.Struct("<I")
 _UNREADABLE = (struct.error, McapError, ValueError)
 
 
@@ -94,6 +96,7 @@ class _Salvage:
         self._problems: Counter[str] = Counter()
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
+        self._summary = read_summary(data)
         self._metadata: set[str] = set()
         self._sink: Sink | None = None
         self._loose: list[memoryview] = []
@@ -125,6 +128,11 @@ class _Salvage:
                 return
             opcode, length = _PREFIX.unpack_from(self._data, at)
             start, stop = at + _PREFIX.size, at + _PREFIX.size + length
+            is_end = opcode in (0, Opcode.DATA_END, Opcode.FOOTER)
+            if (other := self._start_within(at, len(self._data) if is_end else stop)) is not None:
+                self._problems["a record ends where it cannot"] += 1
+                at = other
+                continue
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._look_at_end(opcode, at, min(stop, len(self._data)))
                 return
@@ -136,21 +144,21 @@ class _Salvage:
             self._take(opcode, start, stop)
             at = stop
 
+    def _start_within(self, at: int, stop: int) -> int | None:
+        """Where the summary says that another record begins within this one, whose length is wrong then."""
+        starts = self._summary.starts if self._summary.is_vouched else []
+        later = bisect_right(starts, at)
+        return next((start for start in starts[later : later + 1] if start < stop), None)
+
     def _look_at_end(self, opcode: int, at: int, stop: int) -> None:
-        """Say what is wrong with the checksums and the summary, of which nothing is used."""
+        """Say what is wrong with the end of the data and with the summary, which is made anew."""
         content = self._data[at + _PREFIX.size : stop]
         if opcode != Opcode.DATA_END or len(content) != _CRC.size:
             self._problems["its data has no end record"] += 1
         elif (crc := _CRC.unpack(content)[0]) and zlib.crc32(self._data[:at]) != crc:
             self._problems["the checksum of its data does not match"] += 1
-        end = len(self._data) - len(MAGIC)
-        footer = end - _PREFIX.size - _FOOTER.size
-        if self._data[end:] != MAGIC or footer < at or self._data[footer] != Opcode.FOOTER:
-            self._problems["its summary is cut off"] += 1
-            return
-        start, _, crc = _FOOTER.unpack_from(self._data, footer + _PREFIX.size)
-        if crc and (start > footer or zlib.crc32(self._data[start or footer : end - _CRC.size]) != crc):
-            self._problems["the checksum of its summary does not match"] += 1
+        if self._summary.problem:
+            self._problems[self._summary.problem] += 1
 
     def _take(self, opcode: int, start: int, stop: int) -> None:
         content = self._data[start:stop]
@@ -162,7 +170,7 @@ class _Salvage:
             self._take_record(opcode, content)
 
     def _take_loose(self, record: memoryview) -> None:
-        if len(record) < HEADER.itemsize or _MESSAGE.unpack_from(record, _PREFIX.size)[0] not in self._channels:
+        if len(record) < HEADER.itemsize or not self._knows(_MESSAGE.unpack_from(record, _PREFIX.size)[0]):
             self._problems["a message of a channel that is not described"] += 1
             return
         self._loose.append(record)
@@ -183,14 +191,23 @@ class _Salvage:
                 self._define(Channel.read(stream), self._channels)
             elif opcode == Opcode.METADATA:
                 record = Metadata.read(stream)
-                self._metadata.add(record.name)
-                self._sink_of().add_metadata(record.name, record.metadata)
+                entries = readable(record.name, record.metadata)
+                if entries != record.metadata:
+                    self._problems[f"metadata '{record.name}' cannot be read" + (" in part" if entries else "")] += 1
+                if entries:
+                    self._metadata.add(record.name)
+                    self._sink_of().add_metadata(record.name, entries)
             elif opcode == Opcode.ATTACHMENT:
                 self._sink_of().add_attachment(*read_attachment(content))
         except _UNREADABLE:
             self._problems[f"a {Opcode(opcode).name.lower()} cannot be read"] += 1
 
     def _define[R: (Schema, Channel)](self, record: R, known: dict[int, R]) -> None:
+        kind = type(record).__name__.lower()
+        repeated = self._summary.schemas if isinstance(record, Schema) else self._summary.channels
+        if self._summary.is_vouched and repeated.get(record.id, record) != record:
+            self._problems[f"{kind} {record.id} is not what the summary says, which counts"] += 1
+            record = cast(R, repeated[record.id])
         if record.id not in known:
             if isinstance(record, Channel) and record.schema_id and record.schema_id not in self._schemas:
                 self._problems[f"channel {record.id} has a schema that is not there"] += 1
@@ -198,7 +215,17 @@ class _Salvage:
             known[record.id] = record
             self._sink_of().define(record)
         elif known[record.id] != record:
-            self._problems[f"{type(record).__name__.lower()} {record.id} is defined twice, the first counts"] += 1
+            self._problems[f"{kind} {record.id} is defined twice, the first counts"] += 1
+
+    def _knows(self, channel: int) -> bool:
+        """Whether a channel is described; if what described it was lost, the summary may repeat it."""
+        if channel not in self._channels and channel in self._summary.channels:
+            self._problems["what describes a channel is had from the summary"] += 1
+            spare = self._summary.channels[channel]
+            if spare.schema_id not in self._schemas and spare.schema_id in self._summary.schemas:
+                self._define(self._summary.schemas[spare.schema_id], self._schemas)
+            self._define(spare, self._channels)
+        return channel in self._channels
 
     def _take_chunk(self, start: int, stop: int, *, is_whole: bool) -> None:
         if start + _CHUNK.size > stop:
@@ -244,7 +271,7 @@ class _Salvage:
                 self._take_record(opcode, content[start:stop])
             elif opcode == Opcode.MESSAGE and stop - at >= HEADER.itemsize:
                 channel, _, log_time = _MESSAGE.unpack_from(content, start)
-                if channel in self._channels:
+                if self._knows(channel):
                     messages.append(_Message(channel, log_time, at, stop))
                 else:
                     is_clean = False
@@ -267,19 +294,18 @@ class _Salvage:
         """Complete the new file."""
         self._add(self._loose)
         if not self._messages and not self._channels:
-            raise RecordingError(f"nothing of '{self._path}' can be saved: {self._said() or 'it is empty'}.")
+            raise RecordingError(
+                f"nothing of '{self._path}' can be saved: {'; '.join(self._words()) or 'it is empty'}."
+            )
         if RESULT not in self._metadata and METADATA in self._metadata:
             self._problems["what came of the episode is not known"] += 1
-        entries = {"messages": str(self._messages), "problems": json.dumps(self._said())}
+        entries = {"messages": str(self._messages), "problems": json.dumps("; ".join(self._words()))}
         self._sink_of().add_metadata(RECOVERED, entries)
         self._sink_of().finish()
         return Recovery(messages=self._messages, chunks=self._chunks, problems=tuple(self._words()))
 
     def _words(self) -> list[str]:
         return [what if count == 1 else f"{what} ({count} times)" for what, count in self._problems.items()]
-
-    def _said(self) -> str:
-        return "; ".join(self._words())
 
 
 def _index(messages: list[_Message]) -> dict[int, UInt64[np.ndarray, "n 2"]]:
