@@ -28,8 +28,8 @@ def make_blueprint(contents: Contents, *, live: bool = False) -> rrb.Blueprint:
     first = [plot for is_force, plot in plots if is_force][:2]
     others = [plot for _, plot in plots if plot not in first]
     right: list[tuple[rrb.View | rrb.Container, float]] = []
-    if contents.lanes or live:
-        right.append((_lanes(contents), 0.4 + 0.32 * max(len(contents.lanes), 1)))
+    if contents.lanes:
+        right.append((_lanes(contents), 0.4 + 0.32 * len(contents.lanes)))
     right += [(plot, 2.0) for plot in first]
     if others:
         right.append((rrb.Tabs(*others, active_tab=0), 2.0))

@@ -15,6 +15,7 @@ from wrenchflow.spatial import compose, inverse
 
 TIMELINE = "time"
 WORLD, EVENTS = "/world", "/events"
+PATH = f"{WORLD}/tcp_path"
 # The arrow of `wrench` is in the base's axes; what the sensor reads is in its own, and hangs on the tcp.
 FORCE, FORCE_AS_READ = f"{WORLD}/force", f"{WORLD}/tcp_pose/force_as_read"
 

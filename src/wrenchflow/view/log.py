@@ -11,8 +11,9 @@ from jaxtyping import Float, Int64
 from wrenchflow.episode import Episode, Event
 from wrenchflow.recording.images import images_of
 from wrenchflow.view import style
-from wrenchflow.view.contents import EVENTS, FORCE, TIMELINE, WORLD, Contents, series_of
+from wrenchflow.view.contents import EVENTS, FORCE, PATH, TIMELINE, WORLD, Contents, series_of
 
+APPLICATION = "wrenchflow"
 _PATH_POINTS = 2000  # More than a screen shows of a path.
 _IMAGES_AT_ONCE = 256
 
@@ -28,15 +29,13 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, contents: Conte
     Raises:
         RecordingError: If an image cannot be read.
     """
-    recording.send_recording_name(contents.id)
-    recording.send_recording_start_time_nanos(episode.span_ns[0])
-    style.log_styles(recording, contents)
+    log_start(recording, contents, episode.span_ns[0])
     for name, stream in episode.streams.items():
         log_samples(recording, contents, name, stream.t, stream.data)
     if "tcp_pose" in contents.poses and len(episode["tcp_pose"]):
         positions = episode["tcp_pose"].data[:, :3]
         path = style.path_of(positions[:: max(1, len(positions) // _PATH_POINTS)])
-        recording.log(f"{WORLD}/tcp_path", path, static=True)
+        recording.log(PATH, path, static=True)
     for kind in contents.lanes:
         log_lane(recording, kind, episode.events_of(kind))
     for name in contents.cameras:
@@ -44,6 +43,13 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, contents: Conte
         images = zip(messages.t.tolist(), images_of(messages), strict=True)
         for some in batched(images, _IMAGES_AT_ONCE):
             log_images(recording, name, [t_ns for t_ns, _ in some], [bytes(image.data) for _, image in some])
+
+
+def log_start(recording: rr.RecordingStream, contents: Contents, start_ns: int) -> None:
+    """Log what does not change: the name of the recording, when it began [ns], and how everything looks."""
+    recording.send_recording_name(contents.id)
+    recording.send_recording_start_time_nanos(start_ns)
+    style.log_styles(recording, contents)
 
 
 def log_samples(

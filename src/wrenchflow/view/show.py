@@ -1,19 +1,16 @@
 """Save an episode as Rerun's own file, or open it in Rerun's viewer."""
 
-import os
 import tempfile
 from pathlib import Path
 
 import rerun as rr
 
 from wrenchflow.episode import Episode
-from wrenchflow.errors import OutputError
 from wrenchflow.view.blueprint import make_blueprint
 from wrenchflow.view.contents import Contents
-from wrenchflow.view.log import log_episode
+from wrenchflow.view.log import APPLICATION, log_episode
+from wrenchflow.view.rrd_file import begin_file, finish_file
 from wrenchflow.view.viewer import require_display, run_viewer
-
-APPLICATION = "wrenchflow"
 
 
 def save(episode: Episode, path: Path, *, overwrite: bool = False) -> None:
@@ -25,20 +22,11 @@ def save(episode: Episode, path: Path, *, overwrite: bool = False) -> None:
         overwrite: Replace a file that is there.
 
     Raises:
-        OutputError: If the file is there, or cannot be written.
+        OutputError: If the file is there, cannot be written, or is not called `.rrd`.
         RecordingError: If an image cannot be read.
     """
-    if path.suffix != ".rrd":
-        raise OutputError(f"Rerun opens files that end in .rrd, got '{path}'.")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path} exists already. --overwrite replaces it.")
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.open("wb").close()  # Rerun would only warn of a file that it cannot write.
-        _write(episode, partial)
-        os.replace(partial, path)
-    except OSError as error:
-        raise OutputError(f"cannot write {partial}: {(error.strerror or str(error)).lower()}.") from error
+    _write(episode, begin_file(path, overwrite=overwrite))
+    finish_file(path)
 
 
 def show(episode: Episode) -> None:

@@ -2,8 +2,10 @@
 
 import os
 import re
+import socket
 import subprocess
 import sys
+import time
 from importlib.resources import files
 from pathlib import Path
 
@@ -14,6 +16,8 @@ from wrenchflow.errors import OutputError
 HOST = "127.0.0.1"
 # Without these Rerun would listen on all interfaces, and greet with pages that it fetches.
 _FLAGS = ("--bind", HOST, "--hide-welcome-screen")
+_START_S = 30.0
+_LIVE_MEMORY = "2GiB"  # What is older than fits is forgotten.
 _PROXIES = ("ALL_PROXY", "HTTP_PROXY", "HTTPS_PROXY")
 _NOBODY = f"http://{HOST}:9"  # The port of the discard protocol, which is served nowhere any more.
 _OVERRIDDEN = {*_PROXIES, "NO_PROXY", "FORCE_RERUN_ANALYTICS"}
@@ -52,6 +56,39 @@ def require_display() -> None:
     """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise OutputError("there is no display to open a window on. --save OUT.rrd writes what it would show.")
+
+
+def viewer_at(port: int) -> str:
+    """The address of a viewer that listens on this port of the loopback; one is opened unless there is one already.
+
+    It stays open, also when this process ends.
+
+    Raises:
+        OutputError: If there is no display, or the viewer does not begin to listen.
+    """
+    if not _listens(port):
+        require_display()
+        arguments = viewer_command("--port", str(port), "--memory-limit", _LIVE_MEMORY, "--expect-data-soon")
+        nowhere = subprocess.DEVNULL
+        # In a session of its own it does not hear the Ctrl-C that ends an episode.
+        viewer = subprocess.Popen(
+            arguments, env=viewer_environment(), stdin=nowhere, stdout=nowhere, stderr=nowhere, start_new_session=True
+        )
+        until_s = time.monotonic() + _START_S
+        while not _listens(port):
+            if viewer.poll() is not None:
+                raise OutputError(f"Rerun's viewer ended with exit code {viewer.returncode} before it showed anything.")
+            if time.monotonic() > until_s:
+                viewer.terminate()
+                raise OutputError(f"Rerun's viewer did not listen on {HOST}:{port} within {_START_S:g} s.")
+            time.sleep(0.05)
+    return f"rerun+http://{HOST}:{port}/proxy"
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(1.0)
+        return probe.connect_ex((HOST, port)) == 0
 
 
 def run_viewer(path: Path) -> None:

@@ -1,0 +1,155 @@
+"""Shows an episode while it is recorded: the control loop stores a row now and then, another process does the rest."""
+
+import multiprocessing
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from wrenchflow.errors import OutputError
+from wrenchflow.recording.ring import Ring
+from wrenchflow.source import Source, T
+from wrenchflow.view.feed import CAPACITY, IMAGE, IMAGE_BYTES, IMAGE_CAPACITY, Feed, Job
+
+PORT = 9876  # Rerun's own: a viewer that is open already is found there.
+_START_S = 60.0
+_FINISH_S = 5.0
+
+
+class LiveView:
+    """Rerun's viewer, fed by a control loop.
+
+        with LiveView("0007", sources, meta={"rig": to_mapping(rig)}) as view:
+            while going_on():
+                view.push("control", row)  # Every row; a few times a second one is passed on.
+
+    `push` never waits: rows lie in shared memory until another process, of lower priority, logs them. What does not
+    fit is dropped and counted. If that process or the viewer dies, pushes go nowhere, and nothing else happens.
+
+    A viewer that listens on the port is used, so that all episodes of a session come to one window; else one is opened,
+    which listens on the loopback only and stays open afterwards.
+    """
+
+    def __init__(
+        self,
+        id: str,
+        sources: Sequence[Source],
+        *,
+        cameras: Sequence[str] = (),
+        meta: Mapping[str, Any] | None = None,
+        save: Path | None = None,
+        port: int = PORT,
+        rate_hz: float = 50.0,
+        image_rate_hz: float = 10.0,
+    ) -> None:
+        """Make the rings and start the process; returns once it listens, which takes a few seconds.
+
+        Args:
+            id: Name of the episode.
+            sources: Whose rows are shown.
+            cameras: Names of the topics with images, such as `camera/wrist`.
+            meta: As the recorder has it; of it, `rig` says where the sensor sits.
+            save: Write this `.rrd` file instead of showing anything.
+            port: Of the viewer, on the loopback.
+            rate_hz: Rows that are shown of a source at most [Hz].
+            image_rate_hz: Images that are shown of a camera at most [Hz].
+
+        Raises:
+            OutputError: If there is no viewer to be had, or the file cannot be written.
+        """
+        self._feeds = {source.name: Feed(Ring.create(source.dtype, CAPACITY), rate_hz) for source in sources}
+        self._images = {name: Feed(Ring.create(IMAGE, IMAGE_CAPACITY), image_rate_hz) for name in cameras}
+        self._rings = [feed.ring for feed in (*self._feeds.values(), *self._images.values())]
+        self._image = np.zeros(1, IMAGE)
+        job = Job(
+            id=id,
+            sources=tuple(sources),
+            cameras=tuple(cameras),
+            meta=dict(meta or {}),
+            save=save,
+            port=port,
+            rings=tuple(ring.name for ring in self._rings),
+        )
+        context = multiprocessing.get_context("spawn")
+        self._control, theirs = context.Pipe()
+        self._process = context.Process(target=_run, args=(job, theirs), name="wrenchflow-live", daemon=True)
+        self._process.start()
+        theirs.close()
+        try:
+            self._expect_ready()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "LiveView":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def push(self, source: str, row: np.ndarray) -> None:
+        """Take a row, an array of one record of the source's dtype; most are not passed on. Never waits."""
+        feed = self._feeds[source]
+        if feed.is_due(int(row[T][0])):
+            feed.ring.push(row)
+
+    def push_image(self, camera: str, t_ns: int, picture: bytes) -> None:
+        """Take a compressed image that was made at `t_ns` [ns]; one too large for the ring is left out. Never waits."""
+        feed, row = self._images[camera], self._image
+        if len(picture) <= IMAGE_BYTES and feed.is_due(t_ns):
+            row[T], row["size"] = t_ns, len(picture)
+            row["data"][0, : len(picture)] = np.frombuffer(picture, np.uint8)
+            feed.ring.push(row)
+
+    @property
+    def dropped(self) -> int:
+        """Rows and images that were due and found their ring full."""
+        return sum(ring.dropped for ring in self._rings)
+
+    @property
+    def pid(self) -> int:
+        """Number of the process that logs."""
+        assert self._process.pid is not None
+        return self._process.pid
+
+    def close(self) -> None:
+        """Let the process log what waits, for a few seconds at most, and end it; the viewer stays open."""
+        if not self._rings:
+            return
+        with suppress(OSError):  # It has died, and nobody minds.
+            self._control.send("finish")
+        self._process.join(_FINISH_S)
+        if self._process.is_alive():  # It waits for a viewer that does not answer.
+            self._process.kill()
+            self._process.join()
+        self._control.close()
+        for ring in self._rings:
+            ring.close()
+            ring.unlink()
+        self._rings.clear()
+
+    def _expect_ready(self) -> None:
+        if not wait([self._control, self._process.sentinel], _START_S):
+            raise OutputError(f"the process that shows the episode did not begin within {_START_S:g} s.")
+        try:
+            said = self._control.recv()
+        except (EOFError, OSError) as error:
+            raise OutputError("the process that shows the episode died before it began.") from error
+        if said:
+            raise OutputError(said)
+
+
+def _run(job: Job, control: Connection) -> None:
+    try:
+        # Rerun is imported here, so that the control process has none of its threads.
+        from wrenchflow.view.live_process import run_live
+    except ModuleNotFoundError as error:
+        control.send(f"this needs {error.name}, which is not installed: install wrenchflow[view].")
+        return
+    run_live(job, control)
