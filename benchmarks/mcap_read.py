@@ -56,6 +56,7 @@ def read_with_mcap_ros2(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 def decompress(path: Path) -> int:
     """Only read, decompress and check the chunks: the floor for any reader."""
     container = Container(path)
+    container.check()
     return sum(len(container.unpack(chunk)) for chunk in container.chunks)
 
 

@@ -24,6 +24,7 @@ from wrenchflow.rig import load_rig
 from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks import make_task
+from wrenchflow.sim.tasks.task import make_model
 
 BLOCK_TICKS = 200
 BLOCKS = 40
@@ -35,7 +36,7 @@ CLOCKS = {"process": time.process_time, "wall": time.perf_counter}
 def scene(pressed: bool) -> tuple[Plant, Controller]:
     """A plant and its controller at rest: 20 mm above the block, or pressed on it beside the hole."""
     rig, task, impedance = load_rig("panda_peg"), make_task("peg-insertion"), Impedance()
-    model, rng = task.make_model(rig), np.random.default_rng(0)
+    model, rng = make_model(task, rig), np.random.default_rng(0)
     drawn, data = task.draw(model, rng), mujoco.MjData(model)
     task.place(model, data, drawn)
     plant = Plant(model, data, rig, Measurement(), rng, capacity_s=60.0)

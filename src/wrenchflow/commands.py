@@ -18,7 +18,7 @@ from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.errors import ConfigError
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
-from wrenchflow.told import quickstart_lines, result_lines, validation_lines
+from wrenchflow.told import doctor_lines, quickstart_lines, result_lines, validation_lines
 from wrenchflow.train.config import TrainConfig
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
@@ -317,6 +317,29 @@ class View(Command):
         return {"out": str(self.save)}
 
 
+@dataclass(frozen=True, kw_only=True)
+class Doctor(Command):
+    """Look at what this machine can and cannot do; exit code 1 if something essential is missing."""
+
+    folder: Annotated[Path, arg(metavar="FOLDER", help="Where recordings would go.")] = Path(".")
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.doctor.examine import checks
+
+        looks = checks(self.folder)
+        found = watch("doctor", (look() for look in looks.values()), len(looks))
+        return {"ready": not any(check.stops for check in found), "checks": [to_mapping(check) for check in found]}
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """A line a check, with what it means and what to do beneath."""
+        return doctor_lines(result)
+
+    def code(self, result: dict[str, Any]) -> int:
+        """1 where nothing can be recorded."""
+        return EXIT_DONE if result["ready"] else EXIT_ERROR
+
+
 COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
     {
         "quickstart": Quickstart,
@@ -330,6 +353,7 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
         "recover": Recover,
         "replay": Replay,
         "view": View,
+        "doctor": Doctor,
     }
 )
 

@@ -7,6 +7,11 @@ from difflib import get_close_matches
 class WrenchflowError(Exception):
     """Anything that wrenchflow knows how to explain to a person in one line."""
 
+    def __str__(self) -> str:
+        """That line. Names that come out of a damaged file may hold anything; what cannot be shown is escaped."""
+        text = super().__str__()
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
 
 class StreamError(WrenchflowError):
     """A stream, an event or an episode that breaks its own rules, or is not there."""
@@ -38,6 +43,10 @@ class CheckpointError(WrenchflowError):
 
 class ControlError(WrenchflowError):
     """A robot, a simulation or a request that control cannot go on with."""
+
+
+class CameraError(WrenchflowError):
+    """A camera that is not there, or gives what it should not."""
 
 
 def unknown(what: str, got: str, available: Iterable[str]) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 from jaxtyping import Int64
@@ -71,6 +72,35 @@ class Messages:
         """Some of the messages, in their order."""
         t, received, sequence = self.t[of], self.received[of], self.sequence[of]
         return replace(self, t=t, received=received, sequence=sequence, payloads=self.payloads[of])
+
+    def between(self, start_ns: int, stop_ns: int) -> "Messages":
+        """The messages with start_ns <= t < stop_ns, in their order."""
+        kept = np.flatnonzero((self.t >= start_ns) & (self.t < stop_ns))
+        if not len(kept) or kept[-1] - kept[0] == len(kept) - 1:
+            return self.part(slice(int(kept[0]), int(kept[-1]) + 1) if len(kept) else slice(0))
+        t, received, sequence = self.t[kept], self.received[kept], self.sequence[kept]
+        return replace(self, t=t, received=received, sequence=sequence, payloads=_Some(self.payloads, kept))
+
+
+class _Some(Sequence[Bytes]):
+    """Some of the payloads, which are read no sooner than those."""
+
+    def __init__(self, payloads: Sequence[Bytes], which: Int64[np.ndarray, " n"]) -> None:
+        self._payloads, self._which = payloads, which
+
+    def __len__(self) -> int:
+        return len(self._which)
+
+    @overload
+    def __getitem__(self, which: int) -> Bytes: ...
+
+    @overload
+    def __getitem__(self, which: slice) -> "_Some": ...
+
+    def __getitem__(self, which: int | slice) -> "Bytes | _Some":
+        if isinstance(which, slice):
+            return _Some(self._payloads, self._which[which])
+        return self._payloads[int(self._which[which])]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -108,6 +108,21 @@ class Workspace:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraMount:
+    """Where a camera sits, and how wide it sees; the camera looks along its z, with x to the right and y down."""
+
+    name: str
+    parent: Literal["flange", "base"]
+    T_parent_camera: Pose
+    fov_y_rad: float
+
+    def __post_init__(self) -> None:
+        _require_pose(f"cameras.{self.name}.T_parent_camera", self.T_parent_camera)
+        if not 0.0 < self.fov_y_rad < math.pi:
+            raise ConfigError(f"cameras.{self.name}.fov_y_rad is {self.fov_y_rad:g}, expected between 0 and pi.")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Rig:
     """One robot cell."""
 
@@ -116,9 +131,24 @@ class Rig:
     T_flange_tcp: Pose
     payload: Payload
     workspace: Workspace
+    cameras: tuple[CameraMount, ...] = ()
 
     def __post_init__(self) -> None:
         _require_pose("T_flange_tcp", self.T_flange_tcp)
+        names = [camera.name for camera in self.cameras]
+        if len(set(names)) != len(names):
+            raise ConfigError(f"cameras need names of their own, got {', '.join(names)}.")
+
+    def camera(self, name: str) -> CameraMount:
+        """The camera of a name.
+
+        Raises:
+            ConfigError: If the rig has none, with the nearest name.
+        """
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        raise ConfigError(unknown("camera", name, (camera.name for camera in self.cameras)))
 
 
 def _require(name: str, values: Sequence[float], *, positive: bool = False) -> None:

@@ -8,7 +8,7 @@ from jaxtyping import Int64
 from wrenchflow.errors import StreamError
 from wrenchflow.signals import Signal
 
-T, RECEIVED, SEQUENCE = "t_ns", "received_ns", "sequence"
+T, RECEIVED, SEQUENCE, OFFSET = "t_ns", "received_ns", "sequence", "clock_offset_ns"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,8 @@ class Source:
     Attributes:
         name: Of the source.
         dtype: Of a row: `t_ns`, when it was sampled; a field for each column; and where there are some, `received_ns`,
-            when we had it, and `sequence`, its number at the source. Stamps are int64 nanoseconds of one clock.
+            when we had it, `sequence`, its number at the source, and `clock_offset_ns`, how far our clock is ahead of
+            the source's own (see `clock.ClockOffset`). Stamps are int64 nanoseconds of one clock.
         columns: The streams.
         capacity: Rows that wait at most for the writer.
     """

@@ -1,6 +1,8 @@
 """Results as lines for a person to read."""
 
+from collections import Counter
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any
 
 from wrenchflow.pages.page import chance
@@ -41,6 +43,31 @@ def validation_lines(found: Mapping[str, Any]) -> list[str]:
             f"{report['longest_gap_s'] * 1e3:8.1f} ms  {report['jitter_s'] * 1e6:5.1f} us  {report['not_finite']:10}"
         )
     return lines
+
+
+def doctor_lines(found: Mapping[str, Any]) -> list[str]:
+    """What `doctor` says: a line a check, then what it means and what to do, and the verdict."""
+    checks = found["checks"]
+    width = max(len(check["name"]) for check in checks)
+    lines = []
+    for check in checks:
+        said = [
+            *_wrapped("", check["found"]),
+            *_wrapped("  ", check["means"]),
+            *_wrapped("> ", check["todo"]),
+        ]
+        lines.append(f"{check['state']:<7}  {check['name']:<{width}}  {said[0]}")
+        lines += [" " * (width + 11) + line for line in said[1:]]
+    counts = Counter(check["state"] for check in checks)
+    told = f"{counts['ok']} ok, {counts['warning']} warnings, {counts['missing']} missing"
+    stops = [check["name"] for check in checks if check["essential"] and check["state"] == "missing"]
+    verdict = f"Not ready to record: {', '.join(stops)}." if stops else "Ready to record: nothing essential is missing."
+    return [*lines, "", f"{verdict} {told}."]
+
+
+def _wrapped(sign: str, text: str) -> list[str]:
+    """Lines of at most 88 characters, with a sign before the first."""
+    return wrap(text, 88, initial_indent=sign, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)
 
 
 def quickstart_lines(summary: Mapping[str, Any]) -> list[str]:

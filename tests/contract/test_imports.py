@@ -26,6 +26,7 @@ MAY_IMPORT = {
     "datasets": {"base", "recording", "process"},
     "train": {"base", "policy", "datasets"},
     "deploy": {"base", "recording", "control", "sim", "policy", "process"},
+    "doctor": {"base", "recording"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
 COMMAND_LINE = {"cli", "commands", "told", "__main__", "describe", "quickstart", "quickstart_config", "present"}

@@ -9,8 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.messages import Attachment, Messages, MessageType
+from wrenchflow.recording.images import image_messages, images_of
 from wrenchflow.recording.pending import CHUNK_BYTES, CHUNK_NS
 from wrenchflow.recording.reader import read_episode, read_info
+from wrenchflow.recording.schemas import message_type
 from wrenchflow.recording.write import write_episode
 from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.signals import FORCE, IMPEDANCE, JOINTS, JOY, POSE, TWIST, WRENCH, Signal, joint_torque, joints, mask
@@ -68,13 +71,68 @@ EVENTS = st.builds(
     TEXT,
     TEXT,
 )
+TYPES = {
+    "json": MessageType(name="log", definition=b"{}", schema_encoding="jsonschema", encoding="json"),
+    "protobuf": MessageType(name="a.B", definition=b"\x0a\xff", schema_encoding="protobuf", encoding="protobuf"),
+    "no schema": MessageType(name="", definition=b"", schema_encoding="", encoding="x"),
+    "a pose": MessageType(
+        name="geometry_msgs/msg/PoseStamped", definition=b"?", schema_encoding="ros2msg", encoding="cdr"
+    ),
+    "columns that nobody names": message_type("std_msgs/msg/Float64MultiArray"),
+}
+
+
+def messages(kind: str, seed: int, n: int, longest: int) -> Messages:
+    """Anything, in any order; images are what images are."""
+    rng = np.random.default_rng(seed)
+    t, received = rng.integers(0, LAST_NS, (2, n))
+    sequence = rng.integers(0, 2**32, n)
+    payloads = tuple(rng.bytes(int(length)) for length in rng.integers(0, longest, n))
+    if kind == "image":
+        return image_messages(t, payloads, "camera/ä", received=received, sequence=sequence)
+    return Messages(TYPES[kind], t, received, sequence, payloads)
+
+
+MESSAGES = st.tuples(
+    st.sampled_from([*sorted(TYPES), "image"]),
+    st.integers(0, 2**32),
+    st.sampled_from([0, 1, 5, 40]),
+    st.sampled_from([1, 100, 60_000]),
+)
+ATTACHMENTS = st.builds(
+    lambda data, media_type, log, create: Attachment(
+        data=data, media_type=media_type, log_time_ns=log, create_time_ns=create
+    ),
+    st.binary(max_size=100),
+    st.sampled_from(["", "application/json"]),
+    st.integers(0, 2**64 - 1),
+    st.integers(0, 2**64 - 1),
+)
 NAMES = st.sampled_from(["wrench_raw", "tcp_pose", "teleop/joy", "teleop/twist", "a", "ü"])
 META = st.dictionaries(TEXT | st.sampled_from(["id", "streams", "result", "format_version"]), JSON, max_size=4)
 
 
-@given(st.dictionaries(NAMES, STREAMS, max_size=4), st.lists(EVENTS, max_size=5), META, TEXT, TEXT)
-def test_write_then_read_is_the_identity(streams: dict, events: list[Event], meta: dict, id: str, task: str):
-    episode = Episode(id, task, {name: stream(*of) for name, of in streams.items()}, tuple(events), meta)
+@given(
+    st.dictionaries(NAMES, STREAMS, max_size=4),
+    st.lists(EVENTS, max_size=5),
+    META,
+    TEXT,
+    TEXT,
+    st.dictionaries(st.sampled_from(["camera/wrist", "log", "x.2"]), MESSAGES, max_size=3),
+    st.dictionaries(TEXT, ATTACHMENTS, max_size=2),
+)
+def test_write_then_read_is_the_identity(
+    streams: dict, events: list[Event], meta: dict, id: str, task: str, others: dict, attachments: dict
+):
+    episode = Episode(
+        id,
+        task,
+        {name: stream(*of) for name, of in streams.items()},
+        tuple(events),
+        meta,
+        {name: messages(*of) for name, of in others.items()},
+        attachments,
+    )
     with tempfile.TemporaryDirectory() as folder:
         first, second = Path(folder, "first.mcap"), Path(folder, "second.mcap")
         write_episode(first, episode)
@@ -82,16 +140,36 @@ def test_write_then_read_is_the_identity(streams: dict, events: list[Event], met
         assert first.read_bytes() == second.read_bytes()
         found = read_episode(first)
         assert found == episode
-        assert list(found.streams) == list(episode.streams)
+        assert (list(found.streams), list(found.messages)) == (list(episode.streams), list(episode.messages))
+        write_episode(Path(folder, "again.mcap"), found)
+        assert Path(folder, "again.mcap").read_bytes() == first.read_bytes()
         for name in episode.streams:
             alone = read_episode(first, [name])
-            assert list(alone.streams) == [name]
+            assert (list(alone.streams), list(alone.messages)) == ([name], [])
             assert alone[name] == episode[name]
             assert alone.events == episode.events
+        for name in episode.messages:
+            alone = read_episode(first, (), messages=[name])
+            assert (list(alone.streams), dict(alone.messages)) == ([], {name: episode.messages[name]})
         info = read_info(first)
         assert (info.id, info.task, info.meta) == (episode.id, episode.task, episode.meta)
         counts = {topic.name: topic.count for topic in info.topics}
-        assert counts == {f"/{n}": len(s) for n, s in episode.streams.items()} | {"/events": len(episode.events)}
+        held = {**episode.streams, **episode.messages}
+        assert counts == {f"/{n}": len(of) for n, of in held.items()} | {"/events": len(episode.events)}
+
+
+def test_an_image_is_not_copied(tmp_path: Path):
+    pictures = [bytes([i]) * 1000 for i in range(30)]
+    t = np.arange(30, dtype=np.int64) * 33_000_000
+    write_episode(tmp_path / "e.mcap", Episode("e", "t", messages={"camera": image_messages(t, pictures, "wrist")}))
+    held = read_episode(tmp_path / "e.mcap").messages["camera"]
+    images = list(images_of(held))
+    assert [bytes(image.data) for image in images] == pictures
+    # All of them look into one mapped file.
+    addresses = [np.frombuffer(image.data, np.uint8).ctypes.data for image in images]
+    assert addresses == sorted(addresses)
+    assert addresses[-1] - addresses[0] < (tmp_path / "e.mcap").stat().st_size
+    assert held.payloads[3] == held.payloads[1:9][2:4][0]
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))

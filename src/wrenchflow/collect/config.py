@@ -10,6 +10,30 @@ from wrenchflow.sim.config import AttemptConfig
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraConfig:
+    """Pictures of a camera.
+
+    Attributes:
+        width: Of a picture [pixels].
+        height: Of a picture [pixels].
+        rate_hz: Pictures a second.
+    """
+
+    width: int = 224
+    height: int = 224
+    rate_hz: float = 30.0
+
+    def __post_init__(self) -> None:
+        require_at_least(1, width=self.width, height=self.height)
+        require_positive(rate_hz=self.rate_hz)
+        if self.width > 4096 or self.height > 4096 or self.rate_hz > 1000.0:
+            raise ConfigError(
+                f"a camera of {self.width} x {self.height} at {self.rate_hz:g} Hz is too much, expected at most "
+                "4096 x 4096 at 1000 Hz."
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class CollectConfig(AttemptConfig):
     """How demonstrations are recorded.
 
@@ -22,6 +46,8 @@ class CollectConfig(AttemptConfig):
         disturbance_s: How long it is correlated [s].
         realtime: Let ticks go by the clock, and record while it happens, as on a real arm; one episode after the other.
         compression: Of the recordings: zstd, lz4 or none.
+        cameras: The rig's cameras that are recorded, such as `wrist scene`.
+        camera: Size and rate of their pictures.
         twist_map: How the device's axes move the target.
     """
 
@@ -32,6 +58,8 @@ class CollectConfig(AttemptConfig):
     disturbance_s: float = 0.2
     realtime: bool = False
     compression: Literal["zstd", "lz4", "none"] = "zstd"
+    cameras: tuple[str, ...] = ()
+    camera: CameraConfig = field(default_factory=CameraConfig)
     twist_map: TwistMap = field(default_factory=TwistMap)
 
     def __post_init__(self) -> None:
@@ -39,5 +67,7 @@ class CollectConfig(AttemptConfig):
         require_at_least(1, device_hz=self.device_hz)
         require_at_least(0, disturbance_m=self.disturbance_m)
         require_positive(disturbance_s=self.disturbance_s)
+        if len(set(self.cameras)) != len(self.cameras):
+            raise ConfigError(f"cameras are {', '.join(self.cameras)}, expected each at most once.")
         if 1000 % self.device_hz:
             raise ConfigError(f"device_hz is {self.device_hz}, expected a divisor of the 1000 ticks a second.")

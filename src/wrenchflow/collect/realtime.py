@@ -9,11 +9,14 @@ import numpy as np
 from wrenchflow import signals
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import Demonstration, Session, make_operator
+from wrenchflow.collect.sim_camera import SimCamera, moments, views_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
 from wrenchflow.recording.recorder import Recorder
-from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, episode_id
+from wrenchflow.recording.ring import Ring
+from wrenchflow.sim.attempt import DEMONSTRATE, MODEL, Attempt, episode_id
 from wrenchflow.sim.row import ROW
+from wrenchflow.sim.state import looks_size
 from wrenchflow.sim.streams import COLUMNS
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.source import Column, Source
@@ -55,24 +58,46 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
         OutputError: If the recorder cannot begin, or its writer dies; the arm holds first.
     """
     task, rig, model = scenery(config.task, config.rig)
+    views = views_of(config, rig)
     name = episode_id(config.task, config.seed, index)
+    beat: _Beat | None = None
     with ExitStack() as stack:
 
         def begin(attempt: Attempt) -> "_Beat":
-            meta = {**attempt.meta, "operator": config.operator, "collect": to_mapping(config)}
+            nonlocal beat
+            known = {"operator": config.operator, "collect": to_mapping(config)}
+            ring = moments(looks_size(model))
+            stack.callback(ring.unlink)
+            stack.callback(ring.close)
+            mjcf = attempt.attachments(known)[MODEL].data.decode()
             recorder = Recorder(
                 folder / f"{name}.mcap",
                 id=name,
                 task=task.name,
                 sources=[CONTROL, DEVICE, GOAL],
-                meta=meta,
+                cameras=[SimCamera(mjcf, views, ring.name)] if views else [],
+                meta={**attempt.meta, **known},
+                attachments=attempt.attachments(known),
                 compression=config.compression,
             )
-            return _Beat(stack.enter_context(recorder))
+            beat = _Beat(stack.enter_context(recorder), ring)
+            return beat
 
-        attempt = Attempt(task, model, rig, config, seed=(config.seed, index, DEMONSTRATE), beat=begin)
-        beat = attempt.beat
-        assert isinstance(beat, _Beat)
+        def glance(t_ns: int, number: int, looks: np.ndarray) -> None:
+            assert beat is not None
+            beat.glance(t_ns, number, looks)
+
+        attempt = Attempt(
+            task,
+            model,
+            rig,
+            config,
+            seed=(config.seed, index, DEMONSTRATE),
+            beat=begin,
+            glance=glance if views else None,
+            glance_hz=config.camera.rate_hz,
+        )
+        assert beat is not None  # An attempt begins its beat before its first tick.
         session = Session(attempt, make_operator(config.operator, config), config)
         beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
         while not attempt.over and beat.recorder.is_alive:
@@ -92,14 +117,14 @@ class _Beat:
 
     Attributes:
         recorder: Where rows go.
-        offset_ns: From virtual time to the clock's [ns]; the clock is mapped to the epoch once, at the first tick.
+        offset_ns: From virtual time to the recorder's clock [ns], told at the first tick.
         late: Ticks that began more than a millisecond after their time.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: Recorder, moments: Ring) -> None:
         self.recorder, self.offset_ns, self.late = recorder, 0, 0
-        self._start_ns = self._epoch_ns = self._first_ns = 0
-        self._ticks = 0
+        self._start_ns = self._ticks = 0
+        self._moments, self._moment = moments, np.zeros(1, moments.dtype)
         self._rows = {source.name: np.zeros(1, source.dtype) for source in (CONTROL, DEVICE, GOAL)}
         self._counts = dict.fromkeys(self._rows, 0)
 
@@ -107,8 +132,8 @@ class _Beat:
         """Store the row of a tick that is over."""
         row = rows[-1]
         if not self._ticks:
-            self._start_ns, self._epoch_ns = time.monotonic_ns(), time.time_ns()
-            self.offset_ns = self._epoch_ns - int(row["t_ns"])
+            self._start_ns = time.monotonic_ns()
+            self.offset_ns = self.recorder.clock.at_ns(self._start_ns) - int(row["t_ns"])
         self._ticks += 1
         self.store(CONTROL, int(row["t_ns"]), **{column.name: row[column.name] for column in COLUMNS})
         self._wait(self._start_ns + self._ticks * TICK_NS)
@@ -117,12 +142,18 @@ class _Beat:
         """Store a row that was sampled at `t_ns` of virtual time."""
         row = self._rows[source.name]
         row["t_ns"] = t_ns + self.offset_ns
-        row["received_ns"] = self._epoch_ns + time.monotonic_ns() - self._start_ns
+        row["received_ns"] = self.recorder.clock.now_ns()
         row["sequence"] = self._counts[source.name]
         self._counts[source.name] += 1
         for name, value in values.items():
             row[name] = value
         self.recorder.push(source.name, row)
+
+    def glance(self, t_ns: int, number: int, looks: np.ndarray) -> None:
+        """Let the cameras draw what the scene looks like at `t_ns` of virtual time."""
+        row = self._moment[0]
+        row["t_ns"], row["sequence"], row["looks"] = t_ns + self.offset_ns, number, looks
+        self._moments.push(self._moment)
 
     def _wait(self, until_ns: int) -> None:
         left_ns = until_ns - time.monotonic_ns()

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.emulated_spacemouse import EmulatedSpaceMouse
 from wrenchflow.collect.operators import Operator, Perception
 from wrenchflow.collect.peg_by_feel import PegByFeel
+from wrenchflow.collect.sim_camera import Album, views_of, without_what_cannot_be_drawn
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
 from wrenchflow.episode import Episode, Event, Stream
@@ -63,17 +64,30 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
     """
     task, rig, model = scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
-    attempt = Attempt(task, model, rig, config, seed=(config.seed, index, scenes))
+    views = views_of(config, rig)
+    album = Album(views)
+    attempt = Attempt(
+        task,
+        model,
+        rig,
+        config,
+        seed=(config.seed, index, scenes),
+        glance=album if views else None,
+        glance_hz=config.camera.rate_hz,
+    )
     session = Session(attempt, operator, config)
     while not attempt.over:
         session.period()
-    return attempt.episode(
+    known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
+    episode = attempt.episode(
         episode_id(config.task, config.seed, index),
         session.streams(),
         session.phases(),
         operator=config.operator,
         collect=to_mapping(config),
+        **known,
     )
+    return replace(episode, messages=album.draw(task.mjcf(rig)))
 
 
 class Session:
@@ -181,7 +195,9 @@ def collect_folder(
         OutputError: If `out` is there, and may not be replaced.
         ConfigError: For a task, operator or rig that does not exist.
     """
-    scenery(config.task, config.rig)
+    _, rig, _ = scenery(config.task, config.rig)
+    config = without_what_cannot_be_drawn(config)
+    views_of(config, rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
         if config.realtime:

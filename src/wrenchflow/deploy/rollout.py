@@ -111,7 +111,7 @@ def roll_out(
         indices: Numbers of the attempts; with the seed they determine scene and noise.
         policy: What decides.
         task: What is attempted.
-        model: `task.make_model(rig)`.
+        model: Of the task with the arm of `rig`.
         rig: The robot cell.
         config: Seed, latency, gains.
     """

@@ -15,6 +15,8 @@ from wrenchflow.recording.schemas import FIELDS, short_name
 # ROS type -> the code that both `struct` and numpy know it by.
 _CODES = {"uint8": "B", "int32": "i", "uint32": "I", "float32": "f", "float64": "d"}
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+# What holds more numbers than this is no row of a stream, and what claims more may be an enemy.
+_MOST_LEAVES = 4096
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 
 
@@ -83,6 +85,8 @@ class _Decoder:
         return Leaf(start, self._order + code, struct.unpack_from(self._order + code, self._cdr, start)[0])
 
     def take(self, path: str, kind: str) -> None:
+        if len(self.leaves) == _MOST_LEAVES:
+            raise RecordingError(f"a {self._message} has more than {_MOST_LEAVES} values.")
         if kind == "string":
             length = self.number("I").value
             stop = self._at + length
@@ -98,7 +102,9 @@ class _Decoder:
                 if not is_sequence:
                     self.take(inner, of)
                     continue
-                for i in range(self.number("I").value):  # A damaged length runs out of bytes, which raises.
+                for i in range(
+                    self.number("I").value
+                ):  # A damaged length runs out of bytes, or of leaves, which raises.
                     self.take(f"{inner}[{i}]", of)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import lz4.frame
+import numpy as np
 import zstandard
 
 from wrenchflow.errors import ConfigError, RecordingError, unknown
@@ -62,7 +63,7 @@ def decompress(data: memoryview, name: str, limit: int) -> bytes | memoryview:
 
             return _collect(read, limit, (RuntimeError, EOFError))
         case other:
-            raise RecordingError(f"compression '{other}' cannot be read. Readable: zstd, lz4 and none.")
+            raise RecordingError(f"compression '{other[:40]}' cannot be read. Readable: zstd, lz4 and none.")
 
 
 def _whole_frame(data: memoryview, size: int) -> bytes | None:
@@ -75,15 +76,18 @@ def _whole_frame(data: memoryview, size: int) -> bytes | None:
         return None
 
 
-def _collect(read: Callable[[int], bytes], limit: int, broken: type[Exception] | tuple[type[Exception], ...]) -> bytes:
-    pieces, left = [], limit
-    while left > 0:
+def _collect(
+    read: Callable[[int], bytes], limit: int, broken: type[Exception] | tuple[type[Exception], ...]
+) -> memoryview:
+    content = np.empty(limit, np.uint8)  # A page takes memory once something is written to it.
+    size = 0
+    while size < limit:
         try:
-            piece = read(min(left, _PIECE_BYTES))
+            piece = read(min(limit - size, _PIECE_BYTES))
         except broken:
             break
         if not piece:
             break
-        pieces.append(piece)
-        left -= len(piece)
-    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+        content[size : size + len(piece)] = np.frombuffer(piece, np.uint8)
+        size += len(piece)
+    return content[:size].data.toreadonly()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8, UInt64
@@ -35,6 +36,7 @@ class Chunk:
         size: Length of the uncompressed bytes.
         crc: CRC-32 of the uncompressed bytes, or 0 if it was not computed.
         index: Log time [ns] and offset of each message by channel id; empty in files without an index. Shape (n, 2).
+        is_checked: Whether the bytes were found to be what `size` and `crc` say.
     """
 
     data: memoryview
@@ -42,10 +44,13 @@ class Chunk:
     size: int
     crc: int
     index: dict[int, UInt64[np.ndarray, "n 2"]] = field(default_factory=dict)
+    is_checked: bool = False
 
 
 class Container:
-    """An MCAP file that is whole: its ends, its structure and its checksums were looked at.
+    """An MCAP file that is whole: its ends, its structure and its summary's checksum were looked at.
+
+    A chunk's checksum is looked at when the chunk is, and that over all data when `check` is called.
 
     Attributes:
         path: The file.
@@ -76,6 +81,8 @@ class Container:
         self.chunks: list[Chunk] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, messages.Attachment] = {}
+        self._data_end, self._data_crc = 0, 0
+        self._last: tuple[Chunk, UInt8[np.ndarray, " n"]] | None = None  # The chunk that was unpacked last.
 
         footer_start = self.size - len(MAGIC) - _FOOTER_SIZE
         footer = self._parse(Footer.read, footer_start + _PREFIX.size, self.size - len(MAGIC))
@@ -93,6 +100,11 @@ class Container:
     def damaged(self, why: str) -> RecordingError:
         """The error that says that this file is damaged, and why."""
         return RecordingError(f"{self.path} is damaged: {why}.")
+
+    def schema_name(self, channel: int) -> str:
+        """The message type of a channel; empty where it has none."""
+        schema = self.schemas.get(self.channels[channel].schema_id)
+        return schema.name if schema else ""
 
     def _parse[T](self, read: Callable[[ReadDataStream], T], start: int, stop: int) -> T:
         try:
@@ -113,10 +125,9 @@ class Container:
             start += length
 
     def _read_data(self, stop: int) -> None:
-        data_end = None
         loose = False
         for opcode, start, end in self._records(self._bytes, len(MAGIC), stop):
-            if data_end is not None:
+            if self._data_end:
                 raise self.damaged("records follow the end of its data")
             match opcode:
                 case Opcode.CHUNK:
@@ -137,14 +148,12 @@ class Container:
                 case Opcode.MESSAGE:
                     loose = True
                 case Opcode.DATA_END:
-                    data_end = start - _PREFIX.size
-                    crc = self._parse(DataEnd.read, start, end).data_section_crc
-                    if crc and zlib.crc32(self._bytes[:data_end]) != crc:
-                        raise self.damaged("the checksum of its data does not match")
-        if data_end is None:
+                    self._data_end = start - _PREFIX.size
+                    self._data_crc = self._parse(DataEnd.read, start, end).data_section_crc
+        if not self._data_end:
             raise self.damaged("its data has no end record")
         if loose:
-            data = self._bytes[len(MAGIC) : data_end]
+            data = self._bytes[len(MAGIC) : self._data_end]
             self.chunks.append(Chunk(data, "", len(data), 0))
 
     def _read_chunk(self, start: int, end: int) -> Chunk:
@@ -172,14 +181,12 @@ class Container:
     def _add_definition(self, opcode: int, data: memoryview | bytes, start: int, end: int) -> None:
         stream = ReadDataStream(BytesIO(data[start:end]))
         try:
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                self.schemas[schema.id] = schema
-            else:
-                channel = Channel.read(stream)
-                self.channels[channel.id] = channel
+            record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
         except (struct.error, McapError, UnicodeDecodeError) as error:
             raise self.damaged(f"its schema or channel at byte {start} cannot be read") from error
+        known: dict[int, Any] = self.schemas if isinstance(record, Schema) else self.channels
+        if known.setdefault(record.id, record) != record:
+            raise self.damaged(f"{type(record).__name__.lower()} {record.id} is defined twice, as different things")
 
     def _read_summary(self, start: int, stop: int) -> None:
         for opcode, first, last in self._records(self._bytes, start, stop):
@@ -189,50 +196,76 @@ class Container:
                 case Opcode.STATISTICS:
                     self.statistics = self._parse(Statistics.read, first, last)
 
+    def check(self) -> None:
+        """Look at the checksum over all data, for which every byte of the file is read.
+
+        Raises:
+            RecordingError: If it does not match.
+        """
+        if self._data_crc and zlib.crc32(self._bytes[: self._data_end]) != self._data_crc:
+            raise self.damaged("the checksum of its data does not match")
+        self._data_crc = 0
+
     def unpack(self, chunk: Chunk) -> UInt8[np.ndarray, " n"]:
-        """The uncompressed bytes of a chunk; if it had no index before, it has one after.
+        """The uncompressed bytes of a chunk; the last one that was asked for is kept.
 
         Raises:
             RecordingError: If the bytes do not decompress to what the chunk says that they are.
         """
-        if chunk.size > MAX_CHUNK_BYTES:
+        if self._last is not None and self._last[0] is chunk:
+            return self._last[1]
+        self._last = None  # Two chunks at once may take twice as much memory as there is.
+        if chunk.size > MAX_CHUNK_BYTES and chunk.compression:
             raise self.damaged(f"a chunk claims {chunk.size} bytes, where {MAX_CHUNK_BYTES} are the most")
         try:
-            data = decompress(chunk.data, chunk.compression, chunk.size)
+            content = decompress(chunk.data, chunk.compression, chunk.size)
         except RecordingError as error:
             raise RecordingError(f"{self.path}: {error}") from error
-        if len(data) != chunk.size or (chunk.crc and zlib.crc32(data) != chunk.crc):
+        is_right = chunk.is_checked or not chunk.crc or zlib.crc32(content) == chunk.crc
+        if len(content) != chunk.size or not is_right:
             raise self.damaged("the checksum of a chunk does not match")
-        if not self._is_indexed(chunk):
-            chunk.index = self._walk(data)
-        return np.frombuffer(data, np.uint8)
+        chunk.is_checked = True
+        data = np.frombuffer(content, np.uint8)
+        self._last = chunk, data
+        return data
+
+    def peek(self, chunk: Chunk) -> UInt8[np.ndarray, " n"]:
+        """The same, but of a chunk that is not compressed only those bytes are read that are looked at."""
+        return self.unpack(chunk) if chunk.compression else np.frombuffer(chunk.data, np.uint8)
 
     def walk(self, chunk: Chunk) -> dict[int, UInt64[np.ndarray, "n 2"]]:
-        """The index that a chunk's messages themselves make up, whatever the file states; slow."""
-        return self._walk(memoryview(self.unpack(chunk)))
+        """The index that a chunk's messages themselves make up, whatever the file states."""
+        from wrenchflow.recording.records import count_records, index_records, words_of
+
+        data = self.unpack(chunk)
+        counts = np.zeros(2**16, np.int64)
+        n_others, cut_at = count_records(data, words_of(data), counts)
+        if cut_at >= 0:
+            raise self.damaged(f"a record at byte {cut_at} of a chunk is cut off")
+        n_messages = int(counts.sum())
+        # Every message has a time of its own; so many that take so little are not worth the memory for their index.
+        if n_messages + n_others > len(chunk.data):
+            raise self.damaged(f"a chunk of {len(chunk.data)} bytes claims {n_messages} messages")
+        index, others = np.empty((n_messages, 2), np.uint64), np.empty(n_others, np.int64)
+        index_records(data, words_of(data), np.cumsum(counts) - counts, index, others)
+        for at in others.tolist():
+            ((opcode, start, end),) = self._records(data.data, at, self._stop(data, at))
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._add_definition(opcode, data.data, start, end)
+        found = np.flatnonzero(counts)
+        if not set(found.tolist()) <= self.channels.keys():
+            raise self.damaged("a chunk has messages of a channel that it does not describe")
+        parts = np.split(index, np.cumsum(counts[found])[:-1])
+        return {int(channel): part for channel, part in zip(found, parts, strict=False)}
+
+    def _stop(self, data: UInt8[np.ndarray, " n"], at: int) -> int:
+        return at + _PREFIX.size + _PREFIX.unpack_from(data, at)[1]
 
     def index(self, chunk: Chunk) -> dict[int, UInt64[np.ndarray, "n 2"]]:
         """Log time [ns] and offset of each message of a chunk by channel id, without decompression if possible."""
-        if not self._is_indexed(chunk):
-            self.unpack(chunk)
+        if not chunk.index or not chunk.index.keys() <= self.channels.keys():
+            chunk.index = self.walk(chunk)
         return chunk.index
-
-    def _is_indexed(self, chunk: Chunk) -> bool:
-        return bool(chunk.index) and chunk.index.keys() <= self.channels.keys()
-
-    def _walk(self, data: memoryview | bytes) -> dict[int, UInt64[np.ndarray, "n 2"]]:
-        offsets: dict[int, list[tuple[int, int]]] = {}
-        for opcode, start, end in self._records(data, 0, len(data)):
-            if opcode == Opcode.MESSAGE:
-                if end - start < 22:
-                    raise self.damaged("a message in a chunk is cut off")
-                channel, _, log_time = struct.unpack_from("<HIQ", data, start)
-                offsets.setdefault(channel, []).append((log_time, start - _PREFIX.size))
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._add_definition(opcode, data, start, end)
-        if not offsets.keys() <= self.channels.keys():
-            raise self.damaged("a chunk has messages of a channel that it does not describe")
-        return {channel: np.array(rows, np.uint64) for channel, rows in offsets.items()}
 
 
 def read_attachment(content: memoryview) -> tuple[str, messages.Attachment]:
@@ -244,7 +277,10 @@ def read_attachment(content: memoryview) -> tuple[str, messages.Attachment]:
     (crc,) = struct.unpack_from("<I", content, len(content) - 4)
     if crc and zlib.crc32(content[:-4]) != crc:
         raise ValueError("the checksum of an attachment does not match")
-    record = Attachment.read(ReadDataStream(BytesIO(content)))
+    try:
+        record = Attachment.read(ReadDataStream(BytesIO(content)))
+    except OverflowError as error:
+        raise ValueError("an attachment claims more bytes than there can be") from error
     return record.name, messages.Attachment(
         data=record.data,
         media_type=record.media_type,
@@ -275,6 +311,7 @@ def _open(path: Path) -> memoryview:
     if not MAGIC.startswith(bytes(data[: len(MAGIC)])):
         raise RecordingError(f"{path} is not an MCAP file: it starts with {bytes(data[:8]).hex()}.")
     footer = data[-len(MAGIC) - _FOOTER_SIZE : -len(MAGIC)]
-    if data[-len(MAGIC) :] != MAGIC or len(data) < 2 * len(MAGIC) + _FOOTER_SIZE or footer[0] != Opcode.FOOTER:
+    is_footer = footer[: _PREFIX.size] == _PREFIX.pack(Opcode.FOOTER, _FOOTER_SIZE - _PREFIX.size)
+    if data[-len(MAGIC) :] != MAGIC or len(data) < 2 * len(MAGIC) + _FOOTER_SIZE or not is_footer:
         raise RecordingError(f"{path} is truncated: its end is missing (it has {len(data)} bytes).")
     return data

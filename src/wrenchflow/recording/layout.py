@@ -5,18 +5,19 @@ from reading one message with `codec.decode`; encoding and decoding then move wh
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, Int64, UInt8, UInt64
 from mcap.opcode import Opcode
 
+from wrenchflow.clock import SECOND_NS
 from wrenchflow.errors import StreamError
 from wrenchflow.recording import codec, schemas
 from wrenchflow.signals import Signal
 
-SECOND_NS = 1_000_000_000
 # A message record in a chunk starts with these, without padding; its CDR follows.
 HEADER = np.dtype(
     [
@@ -33,26 +34,21 @@ _OFFSETS = {name: offset for name, (_, offset, *_) in (HEADER.fields or {}).item
 UNCOUNTED = 9
 
 
-class Samples(NamedTuple):
-    """What the messages of a topic say, in their order.
-
-    Attributes:
-        stamp: Time in the message's header [ns], or `publish` where it has none. Shape (n,).
-        publish: Time in the record [ns]. Shape (n,).
-        data: Rows of the signal. Shape (n, d).
-    """
-
-    stamp: Int64[np.ndarray, " n"]
-    publish: Int64[np.ndarray, " n"]
-    data: Float[np.ndarray, "n d"]
-
-
 def record_header(channel: int, length: int, sequence: int, t: int, received: int | None = None) -> bytes:
     """What precedes a message of `length` bytes that was published at `t` and logged at `received`, or at `t` [ns]."""
     counted = HEADER.itemsize - UNCOUNTED + length
     return np.array(
         (Opcode.MESSAGE, counted, channel, sequence, t if received is None else received, t), HEADER
     ).tobytes()
+
+
+class Parts(NamedTuple):
+    """A layout as `records.take_samples` takes it, and whether every column is held by a run."""
+
+    constant: UInt64[np.ndarray, "k 3"]
+    runs: UInt64[np.ndarray, "m 6"]
+    stamp: UInt64[np.ndarray, " s"]
+    are_all_held: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,20 +171,42 @@ class Layout:
         for name, columns in self.runs:
             fields[name] = data[:, columns]
 
-    def matches(self, records: UInt8[np.ndarray, "n size"]) -> bool:
-        """Whether every constant byte of every record is that of the template."""
-        return all((records[:, part] == self.template[part]).all() for part in self.constant)
-
-    def decode(self, records: UInt8[np.ndarray, "n size"]) -> Samples:
-        """The samples in records that match."""
-        fields = records.view(self.varying)[:, 0]
-        publish = fields["publish_time"].astype(np.int64)
-        stamp = publish
-        if self._has_stamp:
-            stamp = fields["sec"].astype(np.int64) * SECOND_NS + fields["nanosec"]
-        data = np.empty((len(records), self.signal.width))
-        if sum(columns.stop - columns.start for _, columns in self.runs) < self.signal.width:
-            data.fill(np.nan)
+    @cached_property
+    def parts(self) -> Parts:
+        """The same for the compiled loop that decodes."""
+        fields: Any = self.varying.fields
+        runs = []
         for name, columns in self.runs:
-            data[:, columns] = fields[name]
-        return Samples(stamp, publish, data)
+            code, place = fields[name][0].base, fields[name][1]
+            kind = _KINDS.index(code.newbyteorder("<").str)
+            runs.append((place, columns.start, columns.stop - columns.start, kind, code.itemsize, _is_big(code)))
+        sec = fields.get("sec")
+        constant = np.zeros(self.size, np.uint8)
+        for part in self.constant:
+            constant[part] = 255
+        return Parts(
+            constant=_words(self.template, constant),
+            runs=np.array(runs, np.uint64).reshape(-1, 6),
+            stamp=np.array((sec[1], _is_big(sec[0])) if sec else (), np.uint64),
+            are_all_held=sum(columns.stop - columns.start for _, columns in self.runs) == self.signal.width,
+        )
+
+
+# In the order of the numbers that `records` gives them.
+_KINDS = ("<f8", "<f4", "<i4", "<u4", "|u1")
+
+
+def _words(template: UInt8[np.ndarray, " size"], mask: UInt8[np.ndarray, " size"]) -> UInt64[np.ndarray, "k 3"]:
+    """Where each word of eight bytes starts that holds masked bytes, the word, and its mask."""
+    words, left = [], mask.copy()
+    while left.any():
+        # A record is longer than its header, so the last word fits too.
+        start = min(int(np.argmax(left)), len(left) - 8)
+        part = slice(start, start + 8)
+        words.append((start, *(of[part].view("<u8")[0] for of in (template.copy(), left))))
+        left[part] = 0
+    return np.array(words, np.uint64).reshape(-1, 3)
+
+
+def _is_big(code: np.dtype) -> bool:
+    return code.str[0] == ">"

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Int64, UInt8, UInt64
 
-from wrenchflow.recording.layout import SECOND_NS
+from wrenchflow.clock import SECOND_NS
 
 # A chunk is what is lost if the process dies, and what a reader has to decompress to see one message.
 CHUNK_NS = SECOND_NS // 2

@@ -12,8 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from wrenchflow.camera import Camera
+from wrenchflow.clock import Clock
+from wrenchflow.config import to_mapping
 from wrenchflow.episode import Event
 from wrenchflow.errors import OutputError, StreamError, unknown
+from wrenchflow.messages import Attachment
+from wrenchflow.recording.camera_process import CameraProcess
 from wrenchflow.recording.ring import Ring
 from wrenchflow.recording.writer_process import EVENT, EVENT_CAPACITY, Job, event_row, run_writer
 from wrenchflow.source import Source
@@ -33,7 +38,8 @@ class Recorder:
                     hold()
             recorder.finish({"success": True})
 
-    The file is `<path>.partial` until `finish`. If the block ends in an exception, the file is completed with that as
+    Stamps are of `recorder.clock`, the monotonic clock, mapped to the epoch when the recorder was made. The file is
+    `<path>.partial` until `finish`. If the block ends in an exception, the file is completed with that as
     its result. If the control process itself dies, the writer completes the file without it.
     """
 
@@ -44,7 +50,9 @@ class Recorder:
         id: str,
         task: str,
         sources: Sequence[Source],
+        cameras: Sequence[Camera] = (),
         meta: Mapping[str, Any] | None = None,
+        attachments: Mapping[str, Attachment] | None = None,
         compression: str = "zstd",
     ) -> None:
         """Make the rings and start the writer; returns once the file is begun.
@@ -54,27 +62,37 @@ class Recorder:
             id: Name of the episode.
             task: The task that is attempted.
             sources: What will be recorded.
+            cameras: Each gets a process of its own, and its pictures come by themselves.
             meta: JSON values that are known at the start.
+            attachments: Files that the recording carries, by name.
             compression: Of the chunks: zstd, lz4 or none.
 
         Raises:
+            CameraError: If a camera cannot be opened.
             OutputError: If the file cannot be begun.
             StreamError: If two streams have one name.
         """
-        names = [source.name for source in sources]
+        views = tuple(view for camera in cameras for view in camera.views)
+        names = [source.name for source in sources] + [view.name for view in views]
         if len(set(names)) != len(names):
-            raise StreamError(f"sources need names of their own, got {', '.join(names)}.")
-        self.path = path
+            raise StreamError(f"sources and cameras need names of their own, got {', '.join(names)}.")
+        self.path, self.clock = path, Clock.start()
         self._rings = {source.name: Ring.create(source.dtype, source.capacity) for source in sources}
         self._events = Ring.create(EVENT, EVENT_CAPACITY)
+        self._cameras = [CameraProcess(camera, self.clock) for camera in cameras]
+        pictures = [ring for camera in self._cameras for ring in camera.rings]
+        known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
         job = Job(
             path=path,
             id=id,
             task=task,
-            meta=dict(meta or {}),
+            meta={**(meta or {}), **known},
             compression=compression,
             sources=tuple(sources),
-            rings=(*(ring.name for ring in self._rings.values()), self._events.name),
+            views=views,
+            rings=tuple(ring.name for ring in (*self._rings.values(), *pictures, self._events)),
+            clock=self.clock,
+            attachments=dict(attachments or {}),
         )
         context = multiprocessing.get_context("spawn")
         self._control, theirs = context.Pipe()
@@ -86,6 +104,8 @@ class Recorder:
         self._looked_s, self._was_alive, self._finished = 0.0, True, False
         try:
             self._expect("begin", _START_S)
+            for camera in self._cameras:
+                camera.wait_until_open()
         except BaseException:
             self._release()
             raise
@@ -154,8 +174,9 @@ class Recorder:
         if self._finished:
             return
         try:
+            problems = {name: said for camera in self._cameras for name, said in camera.stop().items()}
             with suppress(OSError):  # A writer that has gone may have said why: that is read below.
-                self._control.send({} if result is None else result)
+                self._control.send(({} if result is None else result, problems))
             self._expect("finish", _FINISH_S)
         finally:
             self._release()
@@ -182,6 +203,8 @@ class Recorder:
 
     def _release(self) -> None:
         self._finished = True
+        for camera in self._cameras:
+            camera.release()
         self._control.close()
         self._process.join(1.0)
         if self._process.is_alive():

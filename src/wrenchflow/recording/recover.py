@@ -33,6 +33,7 @@ _PREFIX = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _LOOSE_BYTES = 512 * 1024  # Messages outside of chunks are gathered into chunks of this size.
 _MESSAGE = struct.Struct("<HIQ")
+_FOOTER, _CRC = struct.Struct("<QQI"), struct.Struct("<I")
 _UNREADABLE = (struct.error, McapError, ValueError)
 
 
@@ -125,8 +126,7 @@ class _Salvage:
             opcode, length = _PREFIX.unpack_from(self._data, at)
             start, stop = at + _PREFIX.size, at + _PREFIX.size + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                if self._data[-len(MAGIC) :] != MAGIC:
-                    self._problems["its summary is cut off"] += 1
+                self._look_at_end(opcode, at, min(stop, len(self._data)))
                 return
             if opcode == 0 or stop > len(self._data):
                 self._problems["its end is missing" if opcode else f"no record begins at byte {at}"] += 1
@@ -135,6 +135,22 @@ class _Salvage:
                 return
             self._take(opcode, start, stop)
             at = stop
+
+    def _look_at_end(self, opcode: int, at: int, stop: int) -> None:
+        """Say what is wrong with the checksums and the summary, of which nothing is used."""
+        content = self._data[at + _PREFIX.size : stop]
+        if opcode != Opcode.DATA_END or len(content) != _CRC.size:
+            self._problems["its data has no end record"] += 1
+        elif (crc := _CRC.unpack(content)[0]) and zlib.crc32(self._data[:at]) != crc:
+            self._problems["the checksum of its data does not match"] += 1
+        end = len(self._data) - len(MAGIC)
+        footer = end - _PREFIX.size - _FOOTER.size
+        if self._data[end:] != MAGIC or footer < at or self._data[footer] != Opcode.FOOTER:
+            self._problems["its summary is cut off"] += 1
+            return
+        start, _, crc = _FOOTER.unpack_from(self._data, footer + _PREFIX.size)
+        if crc and (start > footer or zlib.crc32(self._data[start or footer : end - _CRC.size]) != crc):
+            self._problems["the checksum of its summary does not match"] += 1
 
     def _take(self, opcode: int, start: int, stop: int) -> None:
         content = self._data[start:stop]

@@ -9,7 +9,9 @@ ordered processor, such as an ARM, from moving anything across. `head` and `tail
 lasts 584 million years), so `head - tail` is how many rows wait, and a full ring cannot be mistaken for an empty one.
 """
 
+import os
 from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from wrenchflow.compiled import kernel
-from wrenchflow.errors import StreamError
+from wrenchflow.errors import OutputError, StreamError
 
 # Each counter has a cache line of its own: the two processes write them all the time.
 _LINE = 64
@@ -29,6 +31,8 @@ _COUNTERS = np.dtype(
         "itemsize": 2 * _LINE,
     }
 )
+
+_PLACE = Path("/dev/shm")  # Where Linux keeps shared memory, as files.
 
 
 def _make_fence(context):
@@ -43,13 +47,15 @@ _fence: Any = intrinsic(_make_fence)
 
 
 @kernel
-def _push(counters, rows, row):
+def _push(counters, rows, row, size):
     head, tail = counters[0].head, counters[0].tail
     _fence()
     if head - tail >= rows.shape[0]:
         counters[0].dropped += np.uint64(1)
         return False
-    rows[head % np.uint64(rows.shape[0])] = row[0]
+    place = rows[head % np.uint64(rows.shape[0])]
+    for i in range(size):
+        place[i] = row[i]
     _fence()
     counters[0].head = head + np.uint64(1)
     return True
@@ -68,6 +74,24 @@ def _give_back(counters, tail):
     counters[0].tail = tail
 
 
+def _reserve(size: int) -> SharedMemory:
+    """Shared memory that is there: where the system has promised more than it has, it ends whoever touches that."""
+    memory: SharedMemory | None = None
+    try:
+        memory = SharedMemory(create=True, size=size)
+        place = _PLACE / memory.name
+        if place.exists():  # Elsewhere than on Linux shared memory is no file, and nothing but a touch can tell.
+            with place.open("r+b") as file:
+                os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        if memory is not None:
+            memory.close()
+            memory.unlink()
+        why = (error.strerror or str(error)).lower()
+        raise OutputError(f"shared memory has no room for a ring of {size} bytes: {why}.") from error
+    return memory
+
+
 class Ring:
     """One end of a ring; `create` makes it, `attach` opens it in the other process.
 
@@ -83,21 +107,24 @@ class Ring:
         self.name, self.dtype, self.capacity = memory.name, dtype, capacity
         self._counters = np.ndarray(1, _COUNTERS, memory.buf)
         self._rows = np.ndarray(capacity, dtype, memory.buf, offset=_COUNTERS.itemsize)
+        # Rows are stored as bytes: one compiled function serves rows of any kind.
+        self._bytes = np.ndarray((capacity, dtype.itemsize), np.uint8, memory.buf, offset=_COUNTERS.itemsize)
 
     @classmethod
     def create(cls, dtype: np.dtype, capacity: int) -> "Ring":
         """Make a ring of `capacity` rows, empty.
 
         Raises:
+            OutputError: If there is not enough shared memory left.
             StreamError: If it would hold no row.
         """
         if capacity < 1:
             raise StreamError(f"a ring holds at least 1 row, got {capacity}.")
-        memory = SharedMemory(create=True, size=_COUNTERS.itemsize + capacity * dtype.itemsize)
+        memory = _reserve(_COUNTERS.itemsize + capacity * dtype.itemsize)
         ring = cls(memory, dtype, capacity)
         ring._counters[:] = 0
         # Every page is touched now, not by the control loop when it first gets there. So is the code.
-        ring._rows.view(np.uint8)[:] = 0
+        ring._bytes[:] = 0
         ring.push(np.zeros(1, dtype))
         ring._counters[:] = 0
         return ring
@@ -107,9 +134,18 @@ class Ring:
         """Open a ring that another process made."""
         return cls(SharedMemory(name), dtype, capacity)
 
-    def push(self, row: np.ndarray) -> bool:
-        """Store a row, an array of one record; False, and counted, where the ring is full. Never waits."""
-        return _push(self._counters, self._rows, row)
+    def push(self, row: np.ndarray, size: int | None = None) -> bool:
+        """Store a row, an array of one record; False, and counted, where the ring is full. Never waits.
+
+        Args:
+            row: Shape (1,).
+            size: How many bytes of it matter; without it, all.
+        """
+        return _push(self._counters, self._bytes, row.view(np.uint8), self.dtype.itemsize if size is None else size)
+
+    def refuse(self) -> None:
+        """Count a row that was lost before it could be stored."""
+        self._counters["dropped"] += 1
 
     def take(self) -> np.ndarray:
         """A copy of all rows that wait, oldest first; their places are free afterwards."""
@@ -127,7 +163,7 @@ class Ring:
 
     def close(self) -> None:
         """Let go of the memory; the other process keeps it."""
-        del self._counters, self._rows
+        del self._counters, self._rows, self._bytes
         self._memory.close()
 
     def unlink(self) -> None:

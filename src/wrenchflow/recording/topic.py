@@ -3,60 +3,60 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import UInt8, UInt64
+from jaxtyping import Float, Int64, UInt8, UInt64
 from mcap.opcode import Opcode
 
 from wrenchflow.errors import RecordingError
 from wrenchflow.recording import codec, schemas
-from wrenchflow.recording.layout import HEADER, SECOND_NS, UNCOUNTED, Layout, Samples
+from wrenchflow.recording.layout import HEADER, SECOND_NS, UNCOUNTED, Layout
 from wrenchflow.signals import Signal
 
+# Of one message that is looked into; what is larger is an image, or an enemy.
+_MOST_BYTES = 2**20
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+
+
+class Samples:
+    """What the messages of a topic say, in their order, while it is gathered.
+
+    Attributes:
+        stamp: Time in the message's header [ns], or `publish` where it has none. Shape (n,).
+        publish: Time in the record [ns]. Shape (n,).
+        data: Rows of the signal. Shape (n, d).
+    """
+
+    def __init__(self, count: int, width: int) -> None:
+        """Room for `count` rows of `width` columns."""
+        self.stamp: Int64[np.ndarray, " n"] = np.empty(count, np.int64)
+        self.publish: Int64[np.ndarray, " n"] = np.empty(count, np.int64)
+        self.data: Float[np.ndarray, "n d"] = np.empty((count, width))
+        self.filled = 0
 
 
 @dataclass
 class Topic:
-    """One channel while it is read.
+    """How the messages of one channel are read.
 
     Attributes:
         channel: Its id.
         message: Full name of its message type.
         signal: What it measures, where the file says so; else it is inferred from the first message.
         frame: Its frame, where the file says so; else that of the first message.
-        samples: What was read so far, a part a chunk.
     """
 
     channel: int
     message: str
     signal: Signal | None = None
     frame: str | None = None
-    samples: list[Samples] = field(default_factory=list)
     _layout: Layout | None = None
     _constants: dict[str, object] = field(default_factory=dict)
 
-    def read(self, data: UInt8[np.ndarray, " size"], index: UInt64[np.ndarray, "n 2"]) -> None:
-        """Read the channel's messages of one chunk.
-
-        Args:
-            data: The uncompressed chunk.
-            index: Log time [ns] and offset of each message. Shape (n, 2).
+    def begin(self, record: bytes) -> bool:
+        """Learn from the first message; False if nothing says what it measures.
 
         Raises:
-            RecordingError: If the index does not lead to messages of this channel, or if they change what they measure.
+            RecordingError: If it is no such message.
         """
-        offsets = index[:, 1].astype(np.int64)
-        if self._layout is None and not self._begin(record_at(data, int(offsets[0]), self.channel)):
-            return
-        assert self._layout is not None
-        records = gather(data, offsets, self._layout.size)
-        if records is not None and self._layout.matches(records):
-            self.samples.append(self._layout.decode(records))
-        else:
-            rows = [self._read_one(record_at(data, int(offset), self.channel)) for offset in offsets]
-            self.samples.append(Samples(*(np.concatenate(parts) for parts in zip(*rows, strict=True))))
-
-    def _begin(self, record: bytes) -> bool:
-        """Learn from the first message; False if nothing says what it measures."""
         leaves = codec.decode(self.message, record[HEADER.itemsize :])
         if self.signal is None:
             label = leaves.get("layout.dim[0].label")
@@ -70,12 +70,54 @@ class Topic:
         self._constants = self._constants_of(leaves)
         return True
 
+    def read(self, data: UInt8[np.ndarray, " size"], index: UInt64[np.ndarray, "n 2"], samples: Samples) -> None:
+        """Read the channel's messages of one chunk.
+
+        Args:
+            data: The uncompressed chunk.
+            index: Log time [ns] and offset of each message. Shape (n, 2).
+            samples: Where they go, behind those that are there.
+
+        Raises:
+            RecordingError: If the index does not lead to messages of this channel, or if they change what they measure.
+        """
+        from wrenchflow.recording.records import take_samples, words_of
+
+        offsets = index[:, 1].astype(np.uint64)
+        if self._layout is None:
+            self.begin(record_at(data, int(offsets[0]), self.channel))
+        assert self._layout is not None
+        of, size = self._layout.parts, np.uint64(self._layout.size)
+        words, first, done = words_of(data), samples.filled, 0
+        samples.filled += len(offsets)
+        stamp, publish, rows = (part[first : samples.filled] for part in (samples.stamp, samples.publish, samples.data))
+        if not of.are_all_held:
+            rows.fill(np.nan)
+        while done < len(offsets):
+            done += take_samples(
+                data,
+                words,
+                offsets[done:],
+                size,
+                of.constant,
+                of.runs,
+                of.stamp,
+                stamp[done:],
+                publish[done:],
+                rows[done:],
+            )
+            if done < len(offsets):
+                record = record_at(data, int(offsets[done]), self.channel)
+                stamp[done], publish[done], rows[done] = self._read_one(record)
+                done += 1
+
     def _constants_of(self, leaves: dict[str, codec.Leaf]) -> dict[str, object]:
         assert self.signal is not None
         varying = {*_STAMP, *schemas.column_paths(self.signal)}
         return {path: leaf.value for path, leaf in leaves.items() if path not in varying}
 
-    def _read_one(self, record: bytes) -> Samples:
+    def _read_one(self, record: bytes) -> tuple[int, np.int64, list[float]]:
+        """Stamp, publish time and values of a message that does not look like the first."""
         assert self.signal is not None
         leaves = codec.decode(self.message, record[HEADER.itemsize :])
         constants = self._constants_of(leaves)
@@ -85,12 +127,11 @@ class Topic:
                 f"its messages disagree on '{path}', which is {self._constants.get(path)!r} first and "
                 f"{constants.get(path)!r} later; a stream has one frame and one set of columns."
             )
-        publish = int(np.frombuffer(record, HEADER, 1)["publish_time"][0])
+        publish = np.frombuffer(record, HEADER, 1)["publish_time"].astype(np.int64)[0]
         seconds, nanoseconds = (leaves.get(path) for path in _STAMP)
         stamp = seconds.value * SECOND_NS + nanoseconds.value if seconds and nanoseconds else publish
         paths = schemas.column_paths(self.signal)
-        row = [leaves[path].value if path in leaves else np.nan for path in paths]
-        return Samples(np.array([stamp]), np.array([publish]), np.array([row], float))
+        return stamp, publish, [leaves[path].value if path in leaves else np.nan for path in paths]
 
 
 def record_at(data: UInt8[np.ndarray, " size"], offset: int, channel: int) -> bytes:
@@ -104,23 +145,12 @@ def record_at(data: UInt8[np.ndarray, " size"], offset: int, channel: int) -> by
         header = np.frombuffer(data[offset:start], HEADER)[0]
         stop = offset + UNCOUNTED + int(header["length"])
         if header["opcode"] == Opcode.MESSAGE and header["channel"] == channel and start <= stop <= len(data):
+            if stop - start > _MOST_BYTES:
+                raise RecordingError(f"a message has {stop - start} bytes, where {_MOST_BYTES} are the most.")
             return data[offset:stop].tobytes()
-    raise RecordingError(f"its index leads to byte {offset} of a chunk, where no message of channel {channel} is.")
+    raise no_message(offset, channel)
 
 
-def gather(data: UInt8[np.ndarray, " size"], offsets: np.ndarray, size: int) -> UInt8[np.ndarray, "n record"] | None:
-    """The bytes of many records of one size, or None where they cannot all have it.
-
-    Args:
-        data: The uncompressed chunk.
-        offsets: Where each record starts. Shape (n,).
-        size: Length of each record in bytes.
-    """
-    first, last = int(offsets[0]), int(offsets[-1])
-    if offsets.min() < 0 or offsets.max() + size > len(data):
-        return None
-    if last - first == (len(offsets) - 1) * size and (np.diff(offsets) == size).all():
-        return data[first : last + size].reshape(-1, size)
-    # Windows of `size` bytes that start at every byte: a void item is copied in one piece.
-    windows = np.ndarray((len(data) - size + 1,), np.dtype((np.void, size)), data, strides=(1,))
-    return windows[offsets].view(np.uint8).reshape(-1, size)
+def no_message(offset: int, channel: int) -> RecordingError:
+    """The error that says that an index is wrong."""
+    return RecordingError(f"its index leads to byte {offset} of a chunk, where no message of channel {channel} is.")

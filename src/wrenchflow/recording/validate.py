@@ -95,7 +95,11 @@ def _counts(container: Container) -> Iterator[str]:
         for id, stated in container.statistics.channel_message_counts.items():
             if counts.get(id, 0) != stated:
                 yield f"channel {id} has {counts.get(id, 0)} messages, and its summary states {stated}"
-    stated_by_topic = json.loads(container.metadata.get(RESULT, {}).get("message_counts", "{}"))
+    try:
+        stated_by_topic = dict(json.loads(container.metadata.get(RESULT, {}).get("message_counts", "{}")))
+    except (TypeError, ValueError) as error:
+        yield f"its closing record's message counts cannot be read ({error})"
+        return
     topics = {channel.topic: id for id, channel in container.channels.items()}
     for topic, stated in stated_by_topic.items():
         got = counts.get(topics.get(topic, -1), 0)

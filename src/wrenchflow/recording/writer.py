@@ -11,12 +11,13 @@ import numpy as np
 from jaxtyping import Float, Int64
 from mcap.records import Channel, Schema
 
+from wrenchflow.clock import SECOND_NS
 from wrenchflow.episode import Event, Stream
 from wrenchflow.errors import StreamError, unknown
 from wrenchflow.messages import Attachment, Messages, MessageType
 from wrenchflow.recording import codec, schemas
 from wrenchflow.recording.file_format import EVENTS, FORMAT_VERSION, META_PREFIX, METADATA, RESULT
-from wrenchflow.recording.layout import SECOND_NS, Layout, record_header
+from wrenchflow.recording.layout import Layout, record_header
 from wrenchflow.recording.pending import CHUNK_BYTES, CHUNK_NS, PendingChunk
 from wrenchflow.recording.sink import Sink
 from wrenchflow.signals import Signal

@@ -4,10 +4,12 @@ It never speaks to the control loop but through the rings. If the control proces
 written, and the file is completed and says so; if this one dies, the file stays `.partial` with all but the last chunk.
 """
 
+import math
 import multiprocessing
 import signal
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -15,11 +17,19 @@ from typing import Any
 
 import numpy as np
 
+from wrenchflow.camera import View
+from wrenchflow.clock import SECOND_NS, Clock
 from wrenchflow.episode import Event
-from wrenchflow.errors import WrenchflowError
+from wrenchflow.errors import OutputError, WrenchflowError
+from wrenchflow.messages import Attachment, Messages
+from wrenchflow.recording import codec, schemas
+from wrenchflow.recording.camera_process import PICTURES_WAITING
+from wrenchflow.recording.file_format import CLOCK_SYNC
+from wrenchflow.recording.images import image_messages
+from wrenchflow.recording.regularity import Regularity
 from wrenchflow.recording.ring import Ring
 from wrenchflow.recording.writer import EpisodeWriter
-from wrenchflow.source import Source, T, samples_of
+from wrenchflow.source import OFFSET, RECEIVED, SEQUENCE, Source, T, samples_of
 
 EVENT = np.dtype([("start_ns", "i8"), ("stop_ns", "i8"), ("kind", "S32"), ("label", "S96")], align=True)
 EVENT_CAPACITY = 256
@@ -41,7 +51,10 @@ class Job:
         meta: JSON values that are known at the start.
         compression: Of the chunks.
         sources: What is recorded.
-        rings: Name of each source's ring, then that of the events.
+        views: What cameras see.
+        rings: Name of each source's ring, then of each view's, then that of the events.
+        clock: That all stamps are of.
+        attachments: Files that the recording carries.
     """
 
     path: Path
@@ -50,7 +63,10 @@ class Job:
     meta: Mapping[str, Any]
     compression: str
     sources: tuple[Source, ...]
+    views: tuple[View, ...]
     rings: tuple[str, ...]
+    clock: Clock
+    attachments: Mapping[str, Attachment]
 
 
 def run_writer(job: Job, control: Connection) -> None:
@@ -66,15 +82,15 @@ def run_writer(job: Job, control: Connection) -> None:
     try:
         writing.drain()  # Nothing is there yet, but what it takes is compiled now, and not while rows wait.
         control.send("")  # Ready.
-        said: Any = None
-        while said is None:
+        end: _End | None = None
+        while end is None:
             ready = wait([control, parent.sentinel], _POLL_S)
             if control in ready:
-                said = _receive(control)
+                end = _receive(control)
             elif ready:
-                said = _DIED
+                end = _DIED
             writing.drain()
-        writing.finish(said)
+        writing.finish(*end)
         _send(control, "")
     except (WrenchflowError, OSError) as error:
         _send(control, str(error))
@@ -82,10 +98,12 @@ def run_writer(job: Job, control: Connection) -> None:
         writing.close(unlink=not parent.is_alive())
 
 
-_DIED = {"success": False, "failure": "the control process died"}
+# What came of the episode, and what went wrong with which camera.
+_End = tuple[Any, Mapping[str, str]]
+_DIED: _End = ({"success": False, "failure": "the control process died"}, {})
 
 
-def _receive(control: Connection) -> Any:
+def _receive(control: Connection) -> _End:
     try:
         return control.recv()
     except (EOFError, OSError):
@@ -103,105 +121,123 @@ class _Writing:
     """The file and the rings."""
 
     def __init__(self, job: Job) -> None:
-        self._sources = job.sources
-        self._rings = [
-            *(
-                Ring.attach(name, source.dtype, source.capacity)
-                for name, source in zip(job.rings, job.sources, strict=False)
-            ),
-            Ring.attach(job.rings[-1], EVENT, EVENT_CAPACITY),
-        ]
-        self._writer = EpisodeWriter(job.path, id=job.id, task=job.task, meta=job.meta, compression=job.compression)
+        kinds = [(source.dtype, source.capacity) for source in job.sources]
+        kinds += [(view.row, PICTURES_WAITING) for view in job.views]
+        kinds.append((EVENT, EVENT_CAPACITY))
+        rings = [Ring.attach(name, *kind) for name, kind in zip(job.rings, kinds, strict=True)]
+        self._rings = rings
+        self._sources = list(zip(job.sources, rings, strict=False))
+        self._views = list(zip(job.views, rings[len(job.sources) :], strict=False))
+        self._events = rings[-1]
+        self._clock = job.clock
+        self._writer = EpisodeWriter(
+            job.path,
+            id=job.id,
+            task=job.task,
+            meta=job.meta,
+            compression=job.compression,
+            attachments=job.attachments,
+        )
         for source in job.sources:
             for column in source.columns:
                 self._writer.add_stream(column.name, column.signal, column.frame)
+        for view in job.views:
+            self._writer.add_messages(view.frame, schemas.message_type(schemas.IMAGE_MESSAGE))
+        self._writer.add_messages(CLOCK_SYNC, schemas.message_type(schemas.CLOCK_MESSAGE))
         self._writer.flush()
         self._writer.sync()  # Schemas, channels and metadata are in the file before anything happens.
-        self._counts = {source.name: _Count() for source in job.sources}
+        self._counts = {of.name: Regularity() for of in (*job.sources, *job.views)}
+        self._offsets: dict[str, tuple[int, int]] = {}
+        self._n_syncs = 0
         self._chunk_start_ns: int | None = None
-        self._synced_s = time.monotonic()
+        self._synced_s = -math.inf
 
     def drain(self) -> None:
         """Write what waits; end a chunk that is old enough, and sync now and then."""
         newest_ns = 0
-        for source, ring in zip(self._sources, self._rings[:-1], strict=True):
+        for source, ring in self._sources:
             rows = ring.take()
             if len(rows):
-                count = self._counts[source.name]
-                count.see(rows[T])
-                for column in source.columns:
-                    samples = samples_of(rows, column, count.start_ns)
-                    self._writer.write(
-                        column.name, samples.t, samples.data, received=samples.received, sequence=samples.sequence
-                    )
-                newest_ns = max(newest_ns, int(rows[T][-1]))
-                if self._chunk_start_ns is None:
-                    self._chunk_start_ns = int(rows[T][0])
-        for row in self._rings[-1].take():
+                self._write(source, rows)
+                newest_ns = self._aged(rows, newest_ns)
+        for view, ring in self._views:
+            rows = ring.take()
+            if len(rows):
+                newest_ns = self._aged(rows, newest_ns)
+                self._counts[view.name].see(rows)
+                pictures = [row["data"][: row["size"]] for row in rows]
+                images = image_messages(rows[T], pictures, view.frame, received=rows[RECEIVED], sequence=rows[SEQUENCE])
+                self._writer.write_messages(view.frame, images)
+        for row in self._events.take():
             kind, label = bytes(row["kind"]).decode(), bytes(row["label"]).decode()
             self._writer.event(Event(int(row["start_ns"]), int(row["stop_ns"]), kind, label))
         if self._chunk_start_ns is not None and newest_ns - self._chunk_start_ns >= _CHUNK_NS:
             self._writer.flush()
             self._chunk_start_ns = None
         if time.monotonic() - self._synced_s > _SYNC_S:
+            self._synchronise()
             self._writer.sync()
             self._synced_s = time.monotonic()
 
-    def finish(self, result: Any) -> None:
+    def _aged(self, rows: np.ndarray, newest_ns: int) -> int:
+        """The newest stamp so far; the first one after a chunk's end is the start of the next."""
+        if self._chunk_start_ns is None:
+            self._chunk_start_ns = int(rows[T][0])
+        return max(newest_ns, int(rows[T][-1]))
+
+    def _write(self, source: Source, rows: np.ndarray) -> None:
+        count = self._counts[source.name]
+        count.see(rows)
+        for column in source.columns:
+            samples = samples_of(rows, column, count.start_ns)
+            self._writer.write(
+                column.name, samples.t, samples.data, received=samples.received, sequence=samples.sequence
+            )
+        if OFFSET in (source.dtype.names or ()):
+            self._offsets[source.name] = int(rows[T][-1]), int(rows[OFFSET][-1])
+
+    def _synchronise(self) -> None:
+        """Note what other clocks show: the system's, which may be set, and those of sources that have their own."""
+        shown = [("system", self._clock.now_ns(), time.time_ns())]
+        shown += [(name, t, t - offset) for name, (t, offset) in self._offsets.items()]
+        payloads = tuple(
+            codec.encode(
+                schemas.CLOCK_MESSAGE, {"header": {"stamp": _time(t)}, "time_ref": _time(other), "source": source}
+            )
+            for source, t, other in shown
+        )
+        t, now_ns = np.array([t for _, t, _ in shown]), self._clock.now_ns()
+        numbers = np.arange(self._n_syncs, self._n_syncs + len(t))
+        self._n_syncs += len(t)
+        clock_type = schemas.message_type(schemas.CLOCK_MESSAGE)
+        self._writer.write_messages(CLOCK_SYNC, Messages(clock_type, t, np.full(len(t), now_ns), numbers, payloads))
+
+    def finish(self, result: Any, problems: Mapping[str, str]) -> None:
         """Write what still waits, and complete the file."""
         self.drain()
+        self._synchronise()
         recorded = {
-            source.name: self._counts[source.name].said() | {"dropped": ring.dropped}
-            for source, ring in zip(self._sources, self._rings[:-1], strict=True)
+            of.name: self._counts[of.name].said() | {"dropped": ring.dropped}
+            for of, ring in (*self._sources, *self._views)
         }
-        recorded["events"] = {"dropped": self._rings[-1].dropped}
+        recorded["events"] = {"dropped": self._events.dropped}
+        for name, problem in problems.items():
+            recorded.setdefault(name, {})["problem"] = problem
         self._writer.finish(result, recorded)
 
     def close(self, *, unlink: bool) -> None:
         """Let go of file and rings; where whoever made the rings is no more, they end with us."""
-        self._writer.close()
+        with suppress(OutputError):  # What kept us from finishing was told, and may keep us from closing.
+            self._writer.close()
         for ring in self._rings:
             ring.close()
             if unlink:
                 ring.unlink()
 
 
-class _Count:
-    """How regularly a source's rows come: gaps against the median of its first hundred periods, and jitter."""
-
-    def __init__(self) -> None:
-        self.start_ns = 0
-        self._rows = self._gaps = 0
-        self._last_ns: int | None = None
-        self._first: list[int] = []
-        self._sum = self._squares = 0.0
-        self._longest_ns = 0
-
-    def see(self, t: np.ndarray) -> None:
-        if self._last_ns is None:
-            self.start_ns = int(t[0])
-        stamps = t if self._last_ns is None else np.concatenate(([self._last_ns], t))
-        between = np.diff(stamps)
-        self._first += between[: 100 - len(self._first)].tolist()
-        is_gap = between > 1.5 * np.median(self._first) if self._first else np.zeros(0, bool)
-        regular = between[~is_gap].astype(float)
-        self._gaps += int(is_gap.sum())
-        self._sum += regular.sum()
-        self._squares += (regular**2).sum()
-        self._longest_ns = max(self._longest_ns, int(between.max(initial=0)))
-        self._rows += len(t)
-        self._last_ns = int(t[-1])
-
-    def said(self) -> dict[str, Any]:
-        """Plain figures."""
-        n = max(self._rows - 1 - self._gaps, 1)
-        mean = self._sum / n
-        return {
-            "rows": self._rows,
-            "gaps": self._gaps,
-            "longest_s": self._longest_ns * 1e-9,
-            "jitter_s": max(self._squares / n - mean**2, 0.0) ** 0.5 * 1e-9,
-        }
+def _time(t_ns: int) -> dict[str, int]:
+    seconds, nanoseconds = divmod(t_ns, SECOND_NS)
+    return {"sec": seconds, "nanosec": nanoseconds}
 
 
 def event_row(event: Event) -> np.ndarray:

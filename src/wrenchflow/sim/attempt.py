@@ -1,27 +1,41 @@
 """One attempt at a task in virtual time: the scene, the plant, the controller, the tare at rest, the outcome."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wrenchflow.config import to_mapping
-from wrenchflow.control.controller import TICK_S, Controller
+from wrenchflow.control.controller import TICK_NS, TICK_S, Controller
 from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.messages import Attachment
 from wrenchflow.rig import Rig
 from wrenchflow.signals import POSE
 from wrenchflow.sim.config import AttemptConfig
 from wrenchflow.sim.plant import Measurement, Plant
+from wrenchflow.sim.state import looks_of, state_of
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task
 
 Beat = Callable[[np.ndarray], None]
 
+
+class Glance(Protocol):
+    """Called at each moment that a camera takes a picture; what it is given decides what the picture looks like."""
+
+    def __call__(self, t_ns: int, number: int, looks: Float[np.ndarray, " n"], /) -> None:
+        """Keep `looks_of` the scene at `t_ns`, for picture `number`."""
+        ...
+
+
 _MARGIN_S = 1.0  # The last step may end after the time limit.
+MODEL = "model.xml"  # Name of the attached file.
 # Last number of an attempt's seed: evaluation never meets a scene that was demonstrated.
 DEMONSTRATE, EVALUATE = 0, 1
 
@@ -49,18 +63,22 @@ class Attempt:
         seed: tuple[int, ...],
         measurement: Measurement | None = None,
         beat: "Callable[[Attempt], Beat] | None" = None,
+        glance: Glance | None = None,
+        glance_hz: float = 30.0,
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
         Args:
             task: What is attempted.
-            model: `task.make_model(rig)`; may be shared.
+            model: of the task with the arm of `rig`; may be shared.
             rig: The robot cell.
             config: Tare, impedance, limits and gains of the core.
             seed: Every random number comes from these.
             measurement: How well the arm knows itself.
             beat: Makes, once the scene is drawn, what is called after every tick with its row; then ticks go one by
                 one, and may be paced by a clock. Without it they run as fast as they can.
+            glance: Called `glance_hz` times a second; what happens does not depend on it.
+            glance_hz: Pictures a second.
         """
         scene_rng, plant_rng, self.rng = generators(seed)
         self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
@@ -71,6 +89,8 @@ class Attempt:
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
         self.controller = Controller(rig, config.control)
         self.plant.begin(self.controller, config.impedance)
+        self._start_state = state_of(model, data)
+        self._glance, self._glance_hz, self._glances = glance, glance_hz, 0
         self.beat = None if beat is None else beat(self)
         # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
         # who tares now has the very samples that who reads the recording has.
@@ -91,12 +111,26 @@ class Attempt:
         return self._run(ticks)
 
     def _run(self, ticks: int) -> np.ndarray:
-        if self.beat is None:
-            return self.plant.advance(self.controller, ticks)
         first = self.plant.count
+        stop = first + ticks
+        while self.plant.count < stop:
+            if self._glance is None:
+                self._tick(stop - self.plant.count)
+                continue
+            due = math.ceil((self._glances + 1) / self._glance_hz / TICK_S)
+            self._tick(min(due, stop) - self.plant.count)
+            if self.plant.count == due:
+                now_ns = int(self.plant.recorded["t_ns"][-1]) + TICK_NS
+                self._glance(now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
+                self._glances += 1
+        return self.plant.rows[first:stop]
+
+    def _tick(self, ticks: int) -> None:
+        if self.beat is None:
+            self.plant.advance(self.controller, ticks)
+            return
         for _ in range(ticks):
             self.beat(self.plant.advance(self.controller, 1))
-        return self.plant.rows[first : self.plant.count]
 
     def samples_since(self, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stamps, raw wrenches and TCP quaternions of the wrench samples that rows from `first` on brought.
@@ -145,12 +179,30 @@ class Attempt:
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
             "impedance": to_mapping(self._impedance),
-            # Truth that no stage may learn from: it is here so that the scene can be set up again.
+            # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {
+                "mujoco": mujoco.__version__,
+                "state": self._start_state.tolist(),
+                "measurement": to_mapping(self.plant.measurement),
                 "q_start_rad": self.scene.q_start_rad.tolist(),
                 "T_base_goal": self.scene.T_base_goal.tolist(),
                 "orientation_error_rad": self.plant.orientation_error_rad.tolist(),
             },
+        }
+
+    def attachments(self, config: Mapping[str, Any]) -> dict[str, Attachment]:
+        """The files that a recording of this attempt carries: model, calibration of the rig, and configuration."""
+        calibration = {
+            "T_flange_sensor": self.rig.sensor.T_flange_sensor,
+            "T_flange_tcp": self.rig.T_flange_tcp,
+            "payload": to_mapping(self.rig.payload),
+            "sensor": to_mapping(self.rig.sensor),
+            "cameras": to_mapping(self.rig.cameras),
+        }
+        return {
+            MODEL: Attachment(data=self.task.mjcf(self.rig).encode(), media_type="application/xml"),
+            "calibration.json": _json(calibration),
+            "config.json": _json(config),
         }
 
     def episode(self, id: str, streams: dict[str, Stream], events: list[Event], **meta: Any) -> Episode:
@@ -160,7 +212,7 @@ class Attempt:
             id: Name of the episode.
             streams: Besides those of the plant.
             events: Besides the tare and the success.
-            **meta: Besides what is known here.
+            **meta: Besides what is known here: who acted, and all that was configured.
         """
         rows, outcome = self.plant.recorded, self.outcome
         t = rows["t_ns"][:1].copy()
@@ -171,7 +223,12 @@ class Attempt:
             {**streams_of(rows), "goal_pose": goal, **streams},
             (*self.events, *events),
             {**self.meta, **meta, "result": to_mapping(outcome)},
+            attachments=self.attachments(meta),
         )
+
+
+def _json(values: Any) -> Attachment:
+    return Attachment(data=(json.dumps(values, indent=2) + "\n").encode(), media_type="application/json")
 
 
 def generators(seed: Sequence[int]) -> list[np.random.Generator]:

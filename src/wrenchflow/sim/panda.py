@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from wrenchflow.rig import Rig
+from wrenchflow.spatial import compose
 
 # Modified DH a joint: a [m], d [m], alpha [rad]; theta is the joint angle. The flange follows joint 7.
 DH = (
@@ -54,6 +55,7 @@ TIMESTEP_S = 0.001
 
 # Geoms of the arm and of the tool meet the world's (bit 0), never each other.
 ARM_CONTYPE, WORLD_CONTYPE = 2, 1
+_HALF_TURN = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 _WHITE, _DARK = (0.93, 0.93, 0.92, 1.0), (0.25, 0.27, 0.3, 1.0)
 
 
@@ -73,6 +75,15 @@ def make_arm(rig: Rig) -> mujoco.MjSpec:
     spec.compiler.degree = False
     spec.compiler.autolimits = True
     world = spec.worldbody
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.80, 0.84, 0.88],
+        rgb2=[0.94, 0.95, 0.96],
+        width=64,
+        height=384,
+    )
     world.add_light(pos=[0.6, -0.6, 1.6], dir=[-0.2, 0.4, -1.0], castshadow=False)
     world.add_geom(
         name="floor",
@@ -109,6 +120,12 @@ def make_arm(rig: Rig) -> mujoco.MjSpec:
     tool = flange.add_body(name="tool", pos=sensor_pose[:3], quat=sensor_pose[3:], gravcomp=1.0)
     tool.add_site(name="sensor")
     flange.add_site(name="tcp", pos=tcp_pose[:3], quat=tcp_pose[3:], size=[0.002, 0.002, 0.002])
+    for camera in rig.cameras:
+        # MuJoCo's cameras look along -z, with y up: half a turn about x.
+        pose = compose(np.array(camera.T_parent_camera), _HALF_TURN)
+        mount = {"flange": flange, "base": world}[camera.parent]
+        fov_deg = math.degrees(camera.fov_y_rad)
+        mount.add_camera(name=camera.name, pos=list(pose[:3]), quat=list(pose[3:]), fovy=fov_deg)
     for kind, name in ((mujoco.mjtSensor.mjSENS_FORCE, "force"), (mujoco.mjtSensor.mjSENS_TORQUE, "torque")):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="sensor")
     return spec

@@ -64,7 +64,7 @@ class Plant:
         mujoco.mj_step(model, data)
         data.qvel[:] = 0.0
         mujoco.mj_forward(model, data)
-        self.model, self.data, self._rng = model, data, rng
+        self.model, self.data, self.measurement, self._rng = model, data, measurement, rng
         self.rows = np.zeros(round(capacity_s / TICK_S), ROW)
         self.count = 0
         self._measure = np.zeros(1, MEASURE)

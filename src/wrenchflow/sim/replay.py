@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from wrenchflow.config import from_mapping
 from wrenchflow.control.records import JOINTS, OBS
 from wrenchflow.episode import Episode
 from wrenchflow.errors import RecordingError
 from wrenchflow.rig import rig_of
-from wrenchflow.sim.attempt import generators
+from wrenchflow.sim.attempt import MODEL, generators
 from wrenchflow.sim.plant import Measurement, Plant
-from wrenchflow.sim.tasks import make_task
-from wrenchflow.sim.tasks.task import Scene
+from wrenchflow.sim.state import set_state, state_size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,10 +33,10 @@ class Replay:
 
 
 def replay(episode: Episode) -> Replay:
-    """Set up the scene of a recording again, noise included, and command its torques, tick by tick.
+    """Set up a recording's own model and state again, noise included, and command its torques, tick by tick.
 
-    Nothing is controlled: what the arm does follows from the torques alone. All differences are 0 where simulator and
-    model are those of the recording.
+    Nothing is controlled: what the arm does follows from the torques alone. All differences are 0 where the simulator
+    is that of the recording.
 
     Args:
         episode: Recorded in simulation, in virtual or in real time.
@@ -44,26 +44,27 @@ def replay(episode: Episode) -> Replay:
     Raises:
         RecordingError: If it was not, or a tick is missing.
     """
-    if "simulator" not in episode.meta or "seed" not in episode.meta:
+    start = episode.meta.get("simulator", {})
+    if "state" not in start or "seed" not in episode.meta or MODEL not in episode.attachments:
         raise RecordingError(
-            f"episode {episode.id} was not recorded in simulation: it has no 'simulator' and no 'seed'."
+            f"episode {episode.id} was not recorded in simulation: it lacks the model, the state or the seed."
         )
     command, joints = episode["joint_command"], episode["joint_states"]
     if len(command) != len(joints) or (np.diff(command.t) != np.diff(command.t)[:1]).any():
         raise RecordingError(f"episode {episode.id} lacks ticks, and what is missing cannot be commanded.")
-    rig, task, start = rig_of(episode.meta, episode.id), make_task(episode.task), episode.meta["simulator"]
-    model = task.make_model(rig)
+    model, state = _model(episode), np.array(start["state"], float)
+    if state.shape != (state_size(model),):
+        raise RecordingError(
+            f"episode {episode.id} has a state of {state.size} numbers, and its model takes {state_size(model)} here "
+            f"(recorded with MuJoCo {start.get('mujoco', '?')}, this is {mujoco.__version__})."
+        )
     data = mujoco.MjData(model)
-    scene = Scene(
-        q_start_rad=np.array(start["q_start_rad"]),
-        T_base_goal=np.array(start["T_base_goal"]),
-        T_base_goal_perceived=episode["goal_pose"].data[0],
-    )
-    task.place(model, data, scene)
     _, plant_rng, _ = generators(episode.meta["seed"])
-    plant = Plant(model, data, rig, Measurement(), plant_rng, capacity_s=0.001)
+    measurement = from_mapping(Measurement, start["measurement"], where=f"{episode.id}: measurement")
+    plant = Plant(model, data, rig_of(episode.meta, episode.id), measurement, plant_rng, capacity_s=0.001)
+    set_state(model, data, state)
     obs = np.zeros(1, OBS)
-    plant.read(obs)  # As `Plant.begin` does before the first tick.
+    plant.read(obs)  # As `Plant.begin` does before the first tick: it draws numbers, and the sensor's filter begins.
     q, x, force = np.empty((len(command), JOINTS)), np.empty((len(command), 3)), np.empty((len(command), 3))
     for tick, torque in enumerate(command.data):
         plant.read(obs)
@@ -75,3 +76,10 @@ def replay(episode: Episode) -> Replay:
         tcp_divergence_m=float(np.linalg.norm(x - episode["tcp_pose"].data[:, :3], axis=1).max()),
         wrench_divergence_n=float(np.abs(force[1:] - episode["wrench_raw"].data[:, :3]).max()),
     )
+
+
+def _model(episode: Episode) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_string(episode.attachments[MODEL].data.decode())
+    except ValueError as error:
+        raise RecordingError(f"'{MODEL}' in episode {episode.id} is no model: {error}") from error

@@ -26,5 +26,7 @@ def make_task(name: str) -> Task:
 @cache
 def scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
     """A task, a rig and the model of both; one serves every episode of a process, for nothing writes to it."""
+    from wrenchflow.sim.tasks.task import make_model
+
     made, loaded = make_task(task), load_rig(rig)
-    return made, loaded, made.make_model(loaded)
+    return made, loaded, make_model(made, loaded)

@@ -25,6 +25,11 @@ class Scene:
     T_base_goal_perceived: Float[np.ndarray, " 7"]
 
 
+def make_model(task: "Task", rig: Rig) -> mujoco.MjModel:
+    """The model of a task with the arm of `rig`."""
+    return mujoco.MjModel.from_xml_string(task.mjcf(rig))
+
+
 @runtime_checkable
 class Task(Protocol):
     """A contact task in simulation."""
@@ -39,8 +44,12 @@ class Task(Protocol):
         """How long an attempt may last [s]."""
         ...
 
-    def make_model(self, rig: Rig) -> mujoco.MjModel:
-        """The arm of `rig` with the task's tool and fixture."""
+    def mjcf(self, rig: Rig) -> str:
+        """The arm of `rig` with the task's tool and fixture, as MuJoCo's XML.
+
+        What is simulated is made of this text, never of what the text was made of: its numbers have six digits, and a
+        recording that carries it then carries the very model.
+        """
         ...
 
     def draw(self, model: mujoco.MjModel, rng: np.random.Generator) -> Scene:

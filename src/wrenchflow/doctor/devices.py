@@ -1,0 +1,110 @@
+"""HID devices: a SpaceMouse, and whether we may read it."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from wrenchflow.doctor.check import Check
+
+_MAKER = 0x256F  # 3Dconnexion. Before that its devices were Logitech's, whose other devices are none of ours.
+_MAKER_THEN = 0x046D
+_PRODUCTS_THEN = {0xC603, 0xC605, 0xC606, 0xC621, 0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B}
+_RULE_FILE = "/etc/udev/rules.d/70-spacemouse.rules"
+
+
+@dataclass(frozen=True, kw_only=True)
+class HidDevice:
+    """A device of the hidraw interface.
+
+    Attributes:
+        path: Such as `/dev/hidraw0`.
+        name: As it calls itself.
+        vendor: Number of its maker.
+        product: Its number at the maker.
+        readable: Whether we may read it.
+    """
+
+    path: Path
+    name: str
+    vendor: int
+    product: int
+    readable: bool
+
+    @property
+    def is_spacemouse(self) -> bool:
+        """Whether it has six axes to steer an arm with."""
+        return self.vendor == _MAKER or (self.vendor == _MAKER_THEN and self.product in _PRODUCTS_THEN)
+
+
+def hid_devices(devices: Path = Path("/dev"), classes: Path = Path("/sys/class/hidraw")) -> list[HidDevice]:
+    """All devices of the hidraw interface.
+
+    Args:
+        devices: Where the device files are.
+        classes: Where the kernel describes them.
+    """
+    found = []
+    for path in sorted(devices.glob("hidraw*")):
+        try:
+            lines = (classes / path.name / "device" / "uevent").read_text(errors="replace").splitlines()
+        except OSError:
+            lines = []  # A container may have the device without its description.
+        said = dict(line.split("=", 1) for line in lines if "=" in line)
+        _, vendor, product = (said.get("HID_ID", "").split(":") + ["0"] * 3)[:3]
+        found.append(
+            HidDevice(
+                path=path,
+                name=said.get("HID_NAME", "unknown"),
+                vendor=_number(vendor),
+                product=_number(product),
+                readable=os.access(path, os.R_OK),
+            )
+        )
+    return found
+
+
+def _number(text: str) -> int:
+    try:
+        return int(text, 16)
+    except ValueError:
+        return 0
+
+
+def check_spacemouse(found: list[HidDevice]) -> Check:
+    """Whether there is a SpaceMouse, and whether it can be read.
+
+    Args:
+        found: As of `hid_devices`.
+    """
+    name = "SpaceMouse"
+    figures = {
+        str(device.path): f"{device.vendor:04x}:{device.product:04x} {device.name}, "
+        + ("readable" if device.readable else "not readable")
+        for device in found
+    }
+    mice = [device for device in found if device.is_spacemouse]
+    if not mice:
+        readable = sum(device.readable for device in found)
+        seen = f"no SpaceMouse among {len(found)} HID devices, {readable} readable" if found else "no HID devices"
+        return Check(
+            name=name,
+            state="missing",
+            found=seen,
+            means="Nobody can steer an arm by hand here; scripted operators need no device.",
+            todo="Plug one in; in a container, --device /dev/hidraw0.",
+            figures=figures,
+        )
+    closed = [device for device in mice if not device.readable]
+    if closed:
+        vendor = f"{closed[0].vendor:04x}"
+        return Check(
+            name=name,
+            state="warning",
+            found=f"{closed[0].name} at {closed[0].path}, which we may not read",
+            means="It is there, but nothing that it says is heard.",
+            todo=f'Put the line KERNEL=="hidraw*", ATTRS{{idVendor}}=="{vendor}", MODE="0660", TAG+="uaccess" into '
+            f"{_RULE_FILE}, run sudo udevadm control --reload, and plug it in again.",
+            figures=figures,
+        )
+    said = ", ".join(f"{mouse.name} at {mouse.path}" for mouse in mice)
+    return Check(name=name, state="ok", found=f"{said}, readable", figures=figures)

@@ -1,0 +1,60 @@
+"""Which of MuJoCo's ways to draw without a screen works on this machine: EGL, or else OSMesa.
+
+    python -m wrenchflow.sim.gl egl
+
+draws one small picture and ends with 0 where that worked. Each way is tried in a process of its own: a broken driver
+may end the process, and a library that was loaded for one way cannot be taken back for the other.
+"""
+
+import importlib
+import os
+import subprocess
+import sys
+from functools import cache
+from typing import Any
+
+WAYS = ("egl", "osmesa")
+PACKAGES = "libegl1 and libgl1-mesa-dri, or libosmesa6"  # Debian's names.
+_PATIENCE_S = 60.0
+
+
+@cache
+def find_gl() -> str | None:
+    """The first way that works, or None; what MUJOCO_GL names is the only one that is tried."""
+    asked = os.environ.get("MUJOCO_GL", "").lower()
+    return next((way for way in ((asked,) if asked in WAYS else WAYS) if can_draw(way)), None)
+
+
+def can_draw(way: str) -> bool:
+    """Whether a small picture can be drawn in this way; takes a second."""
+    try:
+        tried = subprocess.run(
+            [sys.executable, "-m", "wrenchflow.sim.gl", way], capture_output=True, timeout=_PATIENCE_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return tried.returncode == 0
+
+
+def make_context(way: str, width: int, height: int) -> Any:
+    """An OpenGL context of a way that works, current in this thread."""
+    os.environ["MUJOCO_GL"] = way  # MuJoCo loads the libraries of this one, where it has not been loaded yet.
+    context = importlib.import_module(f"mujoco.{way}").GLContext(width, height)
+    context.make_current()
+    return context
+
+
+def _try(way: str) -> int:
+    os.environ["MUJOCO_GL"] = way
+
+    from wrenchflow.sim.render import Renderer
+
+    world = "<light pos='0 0 3'/><geom size='1'/><camera name='eye' pos='0 0 3'/>"
+    renderer = Renderer(f"<mujoco><worldbody>{world}</worldbody></mujoco>", way, 64, 64)
+    pixels = renderer.draw("eye")
+    renderer.close()
+    return 0 if pixels.max() > pixels.min() else 1
+
+
+if __name__ == "__main__":
+    sys.exit(_try(sys.argv[1]))

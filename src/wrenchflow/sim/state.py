@@ -1,0 +1,50 @@
+"""The state of a simulation as numbers: all of it, to run it again, or what it looks like, to draw it."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+# All that the next step depends on.
+_WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+# Joints, and bodies that are put somewhere.
+_LOOKS = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_MOCAP_POS | mujoco.mjtState.mjSTATE_MOCAP_QUAT)
+
+
+def state_of(model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, " n"]:
+    """All that the next step depends on. Shape (n,)."""
+    return _get(model, data, _WHOLE)
+
+
+def set_state(model: mujoco.MjModel, data: mujoco.MjData, state: Float[np.ndarray, " n"]) -> None:
+    """Go on from a state, with all that follows from it computed."""
+    mujoco.mj_setState(model, data, state, _WHOLE)
+    mujoco.mj_forward(model, data)
+
+
+def state_size(model: mujoco.MjModel) -> int:
+    """How many numbers `state_of` returns."""
+    return mujoco.mj_stateSize(model, _WHOLE)
+
+
+def looks_of(model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, " n"]:
+    """What a scene looks like, to be drawn later or elsewhere. Shape (n,)."""
+    return _get(model, data, _LOOKS)
+
+
+def looks_size(model: mujoco.MjModel) -> int:
+    """How many numbers `looks_of` returns."""
+    return mujoco.mj_stateSize(model, _LOOKS)
+
+
+def set_looks(model: mujoco.MjModel, data: mujoco.MjData, looks: Float[np.ndarray, " n"]) -> None:
+    """Put everything where `looks_of` saw it, as far as drawing needs."""
+    mujoco.mj_setState(model, data, looks, _LOOKS)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+
+
+def _get(model: mujoco.MjModel, data: mujoco.MjData, what: int) -> Float[np.ndarray, " n"]:
+    values = np.empty(mujoco.mj_stateSize(model, what))
+    mujoco.mj_getState(model, data, values, what)
+    return values
