@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from wrenchflow.camera import View
 from wrenchflow.errors import OutputError
+from wrenchflow.recording.camera_process import PICTURES_WAITING
 from wrenchflow.recording.ring import Ring
 from wrenchflow.source import Source, T
-from wrenchflow.view.feed import CAPACITY, IMAGE, IMAGE_BYTES, IMAGE_CAPACITY, Feed, Job
+from wrenchflow.view.feed import ROWS_WAITING, Decimation, Job
 
 PORT = 9876  # Rerun's own: a viewer that is open already is found there.
 _START_S = 60.0
@@ -32,6 +34,10 @@ class LiveView:
 
     A viewer that listens on the port is used, so that all episodes of a session come to one window; else one is opened,
     which listens on the loopback only and stays open afterwards.
+
+    Attributes:
+        pictures: A ring for each view, into which whoever has the view's pictures pushes them, in rows of `View.row`.
+            From another process it is attached by its name, with `recording.camera_process.PICTURES_WAITING` rows.
     """
 
     def __init__(
@@ -39,36 +45,37 @@ class LiveView:
         id: str,
         sources: Sequence[Source],
         *,
-        cameras: Sequence[str] = (),
+        views: Sequence[View] = (),
         meta: Mapping[str, Any] | None = None,
         save: Path | None = None,
         port: int = PORT,
         rate_hz: float = 50.0,
-        image_rate_hz: float = 10.0,
+        picture_rate_hz: float = 10.0,
     ) -> None:
         """Make the rings and start the process; returns once it listens, which takes a few seconds.
 
         Args:
             id: Name of the episode.
             sources: Whose rows are shown.
-            cameras: Names of the topics with images, such as `camera/wrist`.
+            views: Of the cameras.
             meta: As the recorder has it; of it, `rig` says where the sensor sits.
             save: Write this `.rrd` file instead of showing anything.
             port: Of the viewer, on the loopback.
             rate_hz: Rows that are shown of a source at most [Hz].
-            image_rate_hz: Images that are shown of a camera at most [Hz].
+            picture_rate_hz: Pictures that are shown of a view at most [Hz].
 
         Raises:
             OutputError: If there is no viewer to be had, or the file cannot be written.
         """
-        self._feeds = {source.name: Feed(Ring.create(source.dtype, CAPACITY), rate_hz) for source in sources}
-        self._images = {name: Feed(Ring.create(IMAGE, IMAGE_CAPACITY), image_rate_hz) for name in cameras}
-        self._rings = [feed.ring for feed in (*self._feeds.values(), *self._images.values())]
-        self._image = np.zeros(1, IMAGE)
+        self._rows = {source.name: Ring.create(source.dtype, ROWS_WAITING) for source in sources}
+        self._decimations = {source.name: Decimation(rate_hz) for source in sources}
+        self.pictures = {view.name: Ring.create(view.row, PICTURES_WAITING) for view in views}
+        self._rings = [*self._rows.values(), *self.pictures.values()]
         job = Job(
             id=id,
             sources=tuple(sources),
-            cameras=tuple(cameras),
+            views=tuple(views),
+            picture_rate_hz=picture_rate_hz,
             meta=dict(meta or {}),
             save=save,
             port=port,
@@ -95,21 +102,12 @@ class LiveView:
 
     def push(self, source: str, row: np.ndarray) -> None:
         """Take a row, an array of one record of the source's dtype; most are not passed on. Never waits."""
-        feed = self._feeds[source]
-        if feed.is_due(int(row[T][0])):
-            feed.ring.push(row)
-
-    def push_image(self, camera: str, t_ns: int, picture: bytes) -> None:
-        """Take a compressed image that was made at `t_ns` [ns]; one too large for the ring is left out. Never waits."""
-        feed, row = self._images[camera], self._image
-        if len(picture) <= IMAGE_BYTES and feed.is_due(t_ns):
-            row[T], row["size"] = t_ns, len(picture)
-            row["data"][0, : len(picture)] = np.frombuffer(picture, np.uint8)
-            feed.ring.push(row)
+        if self._decimations[source].passes(int(row[T][0])):
+            self._rows[source].push(row)
 
     @property
     def dropped(self) -> int:
-        """Rows and images that were due and found their ring full."""
+        """Rows and pictures that were due and found their ring full."""
         return sum(ring.dropped for ring in self._rings)
 
     @property

@@ -11,12 +11,13 @@ import numpy as np
 import rerun as rr
 
 from wrenchflow.errors import WrenchflowError
+from wrenchflow.recording.camera_process import PICTURES_WAITING
 from wrenchflow.recording.ring import Ring
 from wrenchflow.source import Source, T, samples_of
 from wrenchflow.view import style
 from wrenchflow.view.blueprint import make_blueprint
 from wrenchflow.view.contents import PATH, TIMELINE, Contents
-from wrenchflow.view.feed import CAPACITY, IMAGE, IMAGE_CAPACITY, Job
+from wrenchflow.view.feed import ROWS_WAITING, Decimation, Job
 from wrenchflow.view.log import APPLICATION, log_images, log_samples, log_start
 from wrenchflow.view.rrd_file import begin_file, finish_file
 from wrenchflow.view.viewer import viewer_at
@@ -53,16 +54,20 @@ class _Showing:
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self._contents = Contents.of_sources(job.id, job.sources, job.cameras, job.meta)
+        self._contents = Contents.of_sources(job.id, job.sources, [view.frame for view in job.views], job.meta)
         self._recording = rr.RecordingStream(APPLICATION, send_properties=False)
+        self._recording.set_log_time_enabled(False)
+        self._recording.set_log_tick_enabled(False)
         if job.save is None:
             self._recording.connect_grpc(viewer_at(job.port))
         else:
             self._recording.save(begin_file(job.save))
         self._recording.send_blueprint(make_blueprint(self._contents, live=True))
         log_start(self._recording, self._contents, time.time_ns())
-        kinds = [(source.dtype, CAPACITY) for source in job.sources] + [(IMAGE, IMAGE_CAPACITY)] * len(job.cameras)
+        kinds = [(source.dtype, ROWS_WAITING) for source in job.sources]
+        kinds += [(view.row, PICTURES_WAITING) for view in job.views]
         self._rings = [Ring.attach(name, *kind) for name, kind in zip(job.rings, kinds, strict=True)]
+        self._decimations = [Decimation(job.picture_rate_hz) for _ in job.views]
         self._start_ns: dict[str, int] = {}
         self._trail: deque[np.ndarray] = deque(maxlen=_TRAIL_POINTS)
 
@@ -73,11 +78,11 @@ class _Showing:
             rows = ring.take()
             if len(rows):
                 self._log(source, rows)
-        for camera, ring in zip(self._job.cameras, self._rings[n:], strict=True):
-            rows = ring.take()
-            pictures = [row["data"][: row["size"]].tobytes() for row in rows]
-            if pictures:
-                log_images(self._recording, camera, rows[T].tolist(), pictures)
+        for view, ring, decimation in zip(self._job.views, self._rings[n:], self._decimations, strict=True):
+            rows = [row for row in ring.take() if decimation.passes(int(row[T]))]
+            if rows:
+                pictures = [row["data"][: row["size"]].tobytes() for row in rows]
+                log_images(self._recording, view.frame, [int(row[T]) for row in rows], pictures)
 
     def _log(self, source: Source, rows: np.ndarray) -> None:
         start_ns = self._start_ns.setdefault(source.name, int(rows[T][0]))

@@ -46,8 +46,9 @@ def log_styles(recording: rr.RecordingStream, contents: Contents) -> None:
         arrow = rr.Arrows3D.from_fields(colors=[_FORCE], radii=[0.002])
         recording.log(contents.arrow_entity, arrow, static=True)
     if contents.arrow_entity == FORCE_AS_READ and contents.T_tcp_sensor is not None:
-        x, y, z, qw, qx, qy, qz = contents.T_tcp_sensor.tolist()
-        mount = rr.Transform3D(translation=[x, y, z], quaternion=rr.Quaternion(xyzw=[qx, qy, qz, qw]))
+        # In the sensor's axes, but drawn at the tcp, where the contact is.
+        qw, qx, qy, qz = contents.T_tcp_sensor[3:].tolist()
+        mount = rr.Transform3D(quaternion=rr.Quaternion(xyzw=[qx, qy, qz, qw]))
         recording.log(contents.arrow_entity, mount, static=True)
 
 
