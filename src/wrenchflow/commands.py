@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.errors import ConfigError
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
 from wrenchflow.told import doctor_lines, quickstart_lines, recording_lines, result_lines, validation_lines
@@ -33,6 +35,21 @@ _UNPREFIXED = arg(name="")
 def watch[T](stage: str, results: Iterator[T], total: int) -> list[T]:
     """Exhaust a stage's results behind a progress bar, where there is a terminal to draw it on."""
     return list(tqdm(results, desc=stage, total=total, disable=None, dynamic_ncols=True, leave=False))
+
+
+@contextmanager
+def needs(package: str, extra: str) -> Iterator[None]:
+    """Import in this block what needs a package that not every installation has.
+
+    Raises:
+        ConfigError: If it is not installed; the message says how to.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != package:
+            raise
+        raise ConfigError(f"this needs {package}, which is not installed: install wrenchflow[{extra}].") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,6 +299,29 @@ class Replay(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
+class View(Command):
+    """Open a recording in Rerun: pose, wrench, cameras, and contact where it was processed; or save what it shows."""
+
+    path: Annotated[Positional[Path], arg(metavar="FILE", help="A recording (.mcap).")]
+    save: Annotated[Path | None, arg(metavar="OUT.rrd", help="Write Rerun's file instead of opening a window.")] = None
+    overwrite: Overwrite = False
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.recording.reader import read_episode
+
+        with needs("rerun", "view"):
+            from wrenchflow.view.show import save, show
+
+        episode = read_episode(self.path)
+        if self.save is None:
+            show(episode)
+            return {"shown": str(self.path)}
+        save(episode, self.save, overwrite=self.overwrite)
+        return {"out": str(self.save)}
+
+
+@dataclass(frozen=True, kw_only=True)
 class Doctor(Command):
     """Look at what this machine can and cannot do; exit code 1 if something essential is missing."""
 
@@ -316,6 +356,7 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
         "validate": Validate,
         "recover": Recover,
         "replay": Replay,
+        "view": View,
         "doctor": Doctor,
     }
 )

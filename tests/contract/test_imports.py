@@ -17,6 +17,7 @@ MAY_IMPORT = {
     "base": set(),
     "recording": {"base"},
     "control": {"base"},
+    "view": {"base", "recording"},
     "process": {"base", "recording"},
     "policy": {"base"},
     "pages": {"base"},
@@ -35,6 +36,8 @@ ONLY_IN = {
     "torch": {"policy", "train", "deploy"},
     "diffusers": {"policy", "train", "deploy"},
     "safetensors": {"policy", "train", "deploy"},
+    "rerun": {"view"},
+    "rerun_cli": {"view"},
 }
 
 
@@ -109,6 +112,8 @@ def test_every_room_is_in_the_table():
         ("wrenchflow.deploy.new", "from wrenchflow.quickstart import nothing", "wrenchflow.quickstart"),
         ("wrenchflow.sim.new", "from wrenchflow.process.live import LiveWrench", "wrenchflow.process.live"),
         ("wrenchflow.datasets.new", "import safetensors.numpy", "safetensors.numpy"),
+        ("wrenchflow.collect.new", "import rerun.blueprint as rrb", "rerun.blueprint"),
+        ("wrenchflow.view.new", "from wrenchflow.collect.session import Session", "wrenchflow.collect.session"),
         ("wrenchflow.sim", "from ..recording import writer", "wrenchflow.recording.writer"),
     ],
 )
@@ -140,7 +145,7 @@ def test_no_module_is_named_after_one_of_the_standard_library():
     assert named_like_the_standard_library({"wrenchflow.control.types": ""}) == ["wrenchflow.control.types"]
 
 
-def test_help_loads_neither_torch_nor_mujoco():
+def test_help_loads_neither_torch_nor_mujoco_nor_rerun():
     program = (
         "import sys; sys.argv = ['wrenchflow', '--help']\n"
         "from wrenchflow.cli import main\n"
@@ -151,4 +156,4 @@ def test_help_loads_neither_torch_nor_mujoco():
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr[-2000:]
     assert "collect" in ran.stdout
-    assert not {"torch", "mujoco"} & set(ran.stderr.split())
+    assert not {"torch", "mujoco", "rerun"} & set(ran.stderr.split())
