@@ -22,7 +22,7 @@ MAY_IMPORT = {
     "policy": {"base"},
     "pages": {"base"},
     "sim": {"base", "control"},
-    "collect": {"base", "recording", "control", "sim", "process"},
+    "collect": {"base", "recording", "control", "sim", "process", "view"},
     "datasets": {"base", "recording", "process"},
     "train": {"base", "policy", "datasets"},
     "deploy": {"base", "recording", "control", "sim", "policy", "process"},

@@ -148,7 +148,7 @@ def test_a_camera_that_fails_is_told_and_disturbs_nothing(tmp_path, failure, sai
 
 
 def test_a_camera_that_is_not_there_is_told_before_anything_moves(tmp_path):
-    ran, path = in_a_script(tmp_path, "absent")
+    ran, _ = in_a_script(tmp_path, "absent")
     assert ran.returncode == 1
     assert ran.stderr.strip().endswith("CameraError: camera 'eye' is not plugged in.")
     assert list(tmp_path.iterdir()) == []

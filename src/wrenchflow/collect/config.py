@@ -45,6 +45,7 @@ class CollectConfig(AttemptConfig):
             put right [m]; recorded targets are without it.
         disturbance_s: How long it is correlated [s].
         realtime: Let ticks go by the clock, and record while it happens, as on a real arm; one episode after the other.
+        live: Show each episode in Rerun while it is recorded, which goes by the clock then; needs wrenchflow[view].
         compression: Of the recordings: zstd, lz4 or none.
         cameras: The rig's cameras that are recorded, such as `wrist scene`.
         camera: Size and rate of their pictures.
@@ -57,6 +58,7 @@ class CollectConfig(AttemptConfig):
     disturbance_m: float = 0.0003
     disturbance_s: float = 0.2
     realtime: bool = False
+    live: bool = False
     compression: Literal["zstd", "lz4", "none"] = "zstd"
     cameras: tuple[str, ...] = ()
     camera: CameraConfig = field(default_factory=CameraConfig)

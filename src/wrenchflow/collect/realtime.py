@@ -3,10 +3,12 @@
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wrenchflow import signals
+from wrenchflow.camera import View
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import Demonstration, Session, make_operator
 from wrenchflow.collect.sim_camera import SimCamera, moments, views_of
@@ -20,6 +22,9 @@ from wrenchflow.sim.state import looks_size
 from wrenchflow.sim.streams import COLUMNS
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.source import Column, Source
+
+if TYPE_CHECKING:
+    from wrenchflow.view.live import LiveView
 
 _HOLD_TICKS = 500  # Without a writer the arm holds where it is before it is let go of.
 _SPIN_NS = 150_000  # A sleep ends late; the last of it is spent awake.
@@ -70,17 +75,19 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
             stack.callback(ring.unlink)
             stack.callback(ring.close)
             mjcf = attempt.attachments(known)[MODEL].data.decode()
+            show = stack.enter_context(_live(name, views, attempt)) if config.live else None
             recorder = Recorder(
                 folder / f"{name}.mcap",
                 id=name,
                 task=task.name,
                 sources=[CONTROL, DEVICE, GOAL],
                 cameras=[SimCamera(mjcf, views, ring.name)] if views else [],
+                mirrors={view: ring.name for view, ring in show.pictures.items()} if show else None,
                 meta={**attempt.meta, **known},
                 attachments=attempt.attachments(known),
                 compression=config.compression,
             )
-            beat = _Beat(stack.enter_context(recorder), ring)
+            beat = _Beat(stack.enter_context(recorder), ring, show)
             return beat
 
         def glance(t_ns: int, number: int, looks: np.ndarray) -> None:
@@ -112,6 +119,12 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
         return Demonstration(id=name, samples=attempt.plant.count, outcome=attempt.outcome)
 
 
+def _live(name: str, views: tuple[View, ...], attempt: Attempt) -> "LiveView":
+    from wrenchflow.view.live import LiveView  # Late, for not everybody has a viewer.
+
+    return LiveView(name, [CONTROL, DEVICE, GOAL], views=views, meta=attempt.meta)
+
+
 class _Beat:
     """Called after each tick: stores its row, and waits for the next.
 
@@ -121,8 +134,9 @@ class _Beat:
         late: Ticks that began more than a millisecond after their time.
     """
 
-    def __init__(self, recorder: Recorder, moments: Ring) -> None:
+    def __init__(self, recorder: Recorder, moments: Ring, show: "LiveView | None") -> None:
         self.recorder, self.offset_ns, self.late = recorder, 0, 0
+        self._show = show
         self._start_ns = self._ticks = 0
         self._moments, self._moment = moments, np.zeros(1, moments.dtype)
         self._rows = {source.name: np.zeros(1, source.dtype) for source in (CONTROL, DEVICE, GOAL)}
@@ -148,6 +162,8 @@ class _Beat:
         for name, value in values.items():
             row[name] = value
         self.recorder.push(source.name, row)
+        if self._show is not None:
+            self._show.push(source.name, row)
 
     def glance(self, t_ns: int, number: int, looks: np.ndarray) -> None:
         """Let the cameras draw what the scene looks like at `t_ns` of virtual time."""

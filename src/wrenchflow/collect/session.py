@@ -200,7 +200,7 @@ def collect_folder(
     views_of(config, rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
-        if config.realtime:
+        if config.realtime or config.live:
             from wrenchflow.collect.realtime import demonstrate_in_real_time
 
             # One after the other: what runs by the clock shares a core with nothing.

@@ -6,7 +6,7 @@ control loop, and none of it delays what the writer has to write.
 
 import multiprocessing
 import signal
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -28,6 +28,7 @@ _STOP_S = 5.0
 class _Job:
     camera: Camera
     rings: tuple[str, ...]
+    mirrors: Mapping[str, str]
     clock: Clock
 
 
@@ -38,11 +39,18 @@ class CameraProcess:
         rings: Where the pictures of each view come.
     """
 
-    def __init__(self, camera: Camera, clock: Clock) -> None:
-        """Start it; `wait_until_open` says whether it could be opened."""
+    def __init__(self, camera: Camera, clock: Clock, mirrors: Mapping[str, str]) -> None:
+        """Start it; `wait_until_open` says whether it could be opened.
+
+        Args:
+            camera: What takes pictures.
+            clock: That all stamps are of.
+            mirrors: Name of another ring, by view, that gets the same pictures.
+        """
         self._views = camera.views
         self.rings = [Ring.create(view.row, PICTURES_WAITING) for view in self._views]
-        job = _Job(camera=camera, rings=tuple(ring.name for ring in self.rings), clock=clock)
+        names = tuple(ring.name for ring in self.rings)
+        job = _Job(camera=camera, rings=names, mirrors=dict(mirrors), clock=clock)
         context = multiprocessing.get_context("spawn")
         self._control, theirs = context.Pipe()
         self._process = context.Process(target=_run, args=(job, theirs), name="wrenchflow-camera", daemon=True)
@@ -103,10 +111,13 @@ def _run(job: _Job, control: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the control process, which then tells us.
     parent = multiprocessing.parent_process()
     assert parent is not None
-    rings = [
-        Ring.attach(name, view.row, PICTURES_WAITING) for name, view in zip(job.rings, job.camera.views, strict=True)
-    ]
-    feeds = {view.name: _Feed(view, ring, job.clock) for view, ring in zip(job.camera.views, rings, strict=True)}
+    views, rings = job.camera.views, []
+    feeds = {}
+    for view, name in zip(views, job.rings, strict=True):
+        names = (name, job.mirrors[view.name]) if view.name in job.mirrors else (name,)
+        own = [Ring.attach(name, view.row, PICTURES_WAITING) for name in names]
+        rings += own
+        feeds[view.name] = _Feed(view, own, job.clock)
     said = f"the process of camera '{', '.join(feeds)}' ended by itself."
     try:
         job.camera.open(job.clock)
@@ -138,10 +149,10 @@ def _push(pictures: Iterable[Picture], feeds: "dict[str, _Feed]") -> None:
 
 
 class _Feed:
-    """One view's way into its ring."""
+    """One view's way into its rings."""
 
-    def __init__(self, view: View, ring: Ring, clock: Clock) -> None:
-        self._view, self._ring, self._clock = view, ring, clock
+    def __init__(self, view: View, rings: Sequence[Ring], clock: Clock) -> None:
+        self._view, self._rings, self._clock = view, rings, clock
         self._row = np.zeros(1, view.row)
         self._head_bytes = view.row.itemsize - view.row["data"].itemsize
 
@@ -151,9 +162,11 @@ class _Feed:
             raise CameraError(f"camera '{self._view.name}' gave {picture.pixels.shape}, expected {expected}.")
         row, data = self._row[0], jpeg(picture.pixels)
         if len(data) > len(row["data"]):
-            self._ring.refuse()
+            for ring in self._rings:
+                ring.refuse()
             return
         row["t_ns"], row["sequence"], row["size"] = picture.t_ns, picture.sequence, len(data)
         row["received_ns"] = self._clock.now_ns()
         row["data"][: len(data)] = np.frombuffer(data, np.uint8)
-        self._ring.push(self._row, self._head_bytes + len(data))
+        for ring in self._rings:
+            ring.push(self._row, self._head_bytes + len(data))

@@ -51,6 +51,7 @@ class Recorder:
         task: str,
         sources: Sequence[Source],
         cameras: Sequence[Camera] = (),
+        mirrors: Mapping[str, str] | None = None,
         meta: Mapping[str, Any] | None = None,
         attachments: Mapping[str, Attachment] | None = None,
         compression: str = "zstd",
@@ -63,6 +64,7 @@ class Recorder:
             task: The task that is attempted.
             sources: What will be recorded.
             cameras: Each gets a process of its own, and its pictures come by themselves.
+            mirrors: Name of another ring, by view, that gets the pictures too: of `LiveView.pictures`, for one.
             meta: JSON values that are known at the start.
             attachments: Files that the recording carries, by name.
             compression: Of the chunks: zstd, lz4 or none.
@@ -79,7 +81,7 @@ class Recorder:
         self.path, self.clock = path, Clock.start()
         self._rings = {source.name: Ring.create(source.dtype, source.capacity) for source in sources}
         self._events = Ring.create(EVENT, EVENT_CAPACITY)
-        self._cameras = [CameraProcess(camera, self.clock) for camera in cameras]
+        self._cameras = [CameraProcess(camera, self.clock, mirrors or {}) for camera in cameras]
         pictures = [ring for camera in self._cameras for ring in camera.rings]
         known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
         job = Job(
