@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
+from wrenchflow.describe import describe
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.errors import OutputError, RecordingError
 from wrenchflow.recording import codec, schemas
@@ -168,6 +169,16 @@ def test_where_nothing_can_be_saved_nothing_is_left(tmp_path, content):
     with pytest.raises(RecordingError):
         recover(tmp_path / "x.mcap", tmp_path / "saved.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
+
+
+def test_what_was_interrupted_says_how_it_is_saved(tmp_path):
+    path = tmp_path / "e.mcap.partial"
+    path.write_bytes(written(tmp_path, 4)[:-100])
+    for look in (read_episode, read_info, describe):
+        with pytest.raises(
+            RecordingError, match=r"is an unfinished recording.*`wrenchflow recover .*e\.mcap\.partial`"
+        ):
+            look(path)
 
 
 def test_validate_finds_an_index_and_counts_that_lie(tmp_path):

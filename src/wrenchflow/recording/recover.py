@@ -97,6 +97,7 @@ class _Salvage:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._summary = read_summary(data)
+        self._starts = sorted(self._summary.lengths) if self._summary.is_vouched else []
         self._metadata: set[str] = set()
         self._sink: Sink | None = None
         self._loose: list[memoryview] = []
@@ -146,9 +147,8 @@ class _Salvage:
 
     def _start_within(self, at: int, stop: int) -> int | None:
         """Where the summary says that another record begins within this one, whose length is wrong then."""
-        starts = self._summary.starts if self._summary.is_vouched else []
-        later = bisect_right(starts, at)
-        return next((start for start in starts[later : later + 1] if start < stop), None)
+        later = bisect_right(self._starts, at)
+        return next((start for start in self._starts[later : later + 1] if start < stop), None)
 
     def _look_at_end(self, opcode: int, at: int, stop: int) -> None:
         """Say what is wrong with the end of the data and with the summary, which is made anew."""

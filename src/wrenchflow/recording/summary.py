@@ -29,14 +29,14 @@ class Summary:
         problem: What is wrong with it, in words; empty if nothing is.
         schemas: By id.
         channels: By id.
-        starts: Where chunks, attachments and metadata begin, in ascending order.
+        lengths: Bytes of each chunk, attachment and metadata record, by where it begins.
         is_vouched: Whether a checksum vouches for it all.
     """
 
     problem: str = ""
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    starts: list[int] = field(default_factory=list)
+    lengths: dict[int, int] = field(default_factory=dict)
     is_vouched: bool = False
 
 
@@ -68,10 +68,9 @@ def read_summary(data: memoryview) -> Summary:
                     case Channel():
                         found.channels[record.id] = record
                     case ChunkIndex():
-                        found.starts.append(record.chunk_start_offset)
+                        found.lengths[record.chunk_start_offset] = record.chunk_length
                     case AttachmentIndex() | MetadataIndex():
-                        found.starts.append(record.offset)
+                        found.lengths[record.offset] = record.length
     except (struct.error, McapError, ValueError):
         return Summary("its summary cannot be read")
-    found.starts.sort()
     return found

@@ -1,18 +1,22 @@
 """Looks at every byte of a recording, and says all that is wrong with it."""
 
 import json
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from wrenchflow.episode import Stream
 from wrenchflow.errors import RecordingError
-from wrenchflow.recording.container import Container
+from wrenchflow.recording.container import Container, map_file
 from wrenchflow.recording.file_format import RESULT
 from wrenchflow.recording.reader import read_episode
+from wrenchflow.recording.summary import read_summary
 
+_PREFIX = struct.Struct("<BQ")
 _GAP = 1.5  # Two samples that are further apart than this many periods have a gap between them.
 
 
@@ -61,7 +65,7 @@ def validate(path: Path) -> Validation:
     try:
         container = Container(path)
         container.check()
-        problems = [*_chunks(container), *_counts(container)]
+        problems = [*_chunks(container), *_counts(container), *_places(path)]
         episode = read_episode(path)
     except RecordingError as error:
         return Validation(problems=(str(error),), streams={})
@@ -93,6 +97,8 @@ def _counts(container: Container) -> Iterator[str]:
         for id, index in container.index(chunk).items():
             counts[id] = counts.get(id, 0) + len(index)
     if container.statistics is not None:
+        if container.statistics.message_count != sum(counts.values()):
+            yield f"it has {sum(counts.values())} messages, and its summary states {container.statistics.message_count}"
         for id, stated in container.statistics.channel_message_counts.items():
             if counts.get(id, 0) != stated:
                 yield f"channel {id} has {counts.get(id, 0)} messages, and its summary states {stated}"
@@ -106,6 +112,21 @@ def _counts(container: Container) -> Iterator[str]:
         got = counts.get(topics.get(topic, -1), 0)
         if got != stated:
             yield f"'{topic}' has {got} messages, and its closing record states {stated}"
+
+
+def _places(path: Path) -> Iterator[str]:
+    """Places of chunks, attachments and metadata that the summary states, and where none of them is."""
+    data, at, found = map_file(path), len(MAGIC), {}
+    while at + _PREFIX.size <= len(data):
+        _, length = _PREFIX.unpack_from(data, at)
+        found[at] = _PREFIX.size + length
+        at += found[at]
+    summary = read_summary(data)
+    if summary.problem:
+        yield summary.problem
+    for start, length in summary.lengths.items():
+        if found.get(start) != length:
+            yield f"its summary leads to {length} bytes from byte {start} on, which are no record"
 
 
 def _regularity(stream: Stream) -> StreamReport:
