@@ -182,16 +182,17 @@ def write_row_by_row(path: Path, episode: Episode) -> float:
     """Fill and push one row a tick; the time from the first row until the file is closed [s]."""
     control, command = sources(episode)
     row, other = np.zeros(1, control.dtype), np.zeros(1, command.dtype)
-    fields = [(row[column.name], episode[column.name].data) for column in control.columns]
     stamps = episode["tcp_pose"].t.tolist()
+    states = np.hstack([episode[column.name].data for column in control.columns])
     poses = episode["command_pose"].data
+    # The loop's state is one vector, behind the stamp; a row takes it in one assignment.
+    row_t, row_state = row.view(np.int64), row.view(np.float64)[1:]
     with Recorder(path, id=episode.id, task=episode.task, sources=[control, command]) as recorder:
         push_row, push_other = recorder.ring("control").push, recorder.ring("command").push
         start = time.perf_counter()
         for i, t in enumerate(stamps):
-            row["t_ns"] = t
-            for place, data in fields:
-                place[0] = data[i]
+            row_t[0] = t
+            row_state[:] = states[i]
             while not push_row(row):
                 time.sleep(0.0005)
             if i % 5 == 0:

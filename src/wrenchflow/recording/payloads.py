@@ -13,7 +13,7 @@ class Payloads(Sequence[memoryview]):
     """Messages of a file, as they are on the wire; what is sliced from it reads from the file too.
 
     A chunk that is compressed is decompressed when one of its messages is asked for, and the file keeps the last one.
-    From one that is not, a message is handed out without a copy.
+    From one that is not, a message is handed out without a copy. A message that is held keeps its chunk in memory.
     """
 
     def __init__(

@@ -18,12 +18,9 @@ from wrenchflow.recording.info import RecordingInfo, info_of
 from wrenchflow.recording.kept import messages_of
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.spans import Spans
-from wrenchflow.recording.topic import Samples, Topic, record_at
+from wrenchflow.recording.topic import Samples, Topic, check_room, record_at
 
 _FIRST_NS, _LAST_NS = -(2**63), 2**63 - 1
-# A recording expands to ten times its size, one of a robot at rest to fifty times. What expands to more than this was
-# made to fill memory.
-_MOST_EXPANSION, _FREE_BYTES = 256, 128 * 2**20
 
 
 class Recording:
@@ -217,11 +214,7 @@ class Recording:
                 count = len(container.index(container.chunks[number])[topic.channel])
                 counts[topic.channel] = counts.get(topic.channel, 0) + count
         widths = {topic.channel: topic.signal.width for topic in topics if topic.signal is not None}
-        size = sum(8 * counts.get(id, 0) * (2 + width) for id, width in widths.items())
-        if size > max(_FREE_BYTES, _MOST_EXPANSION * container.size):
-            raise RecordingError(
-                f"the streams of {self.path} take {size} bytes, in a file of {container.size}. Read them in parts."
-            )
+        check_room(sum(counts.get(id, 0) * (2 + width) for id, width in widths.items()), container)
         samples = {id: Samples(counts.get(id, 0), width) for id, width in widths.items()}
         for number in sorted(plan):
             chunk = container.chunks[number]

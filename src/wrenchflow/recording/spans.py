@@ -7,7 +7,7 @@ from jaxtyping import Int64
 
 from wrenchflow.recording.container import Container
 from wrenchflow.recording.layout import HEADER
-from wrenchflow.recording.topic import Samples, Topic
+from wrenchflow.recording.topic import Samples, Topic, check_room
 
 _PUBLISH = slice(HEADER.itemsize - 8, HEADER.itemsize)
 
@@ -71,6 +71,7 @@ class Spans:
             for channel, index in self._container.index(chunk).items():
                 if topic := new.get(channel):
                     assert topic.signal is not None
+                    check_room(len(index) * (2 + topic.signal.width), self._container)
                     samples = Samples(len(index), topic.signal.width)
                     topic.read(self._container.unpack(chunk), index, samples)
                     rows[channel].append(

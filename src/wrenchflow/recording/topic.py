@@ -8,11 +8,13 @@ from mcap.opcode import Opcode
 
 from wrenchflow.errors import RecordingError
 from wrenchflow.recording import codec, schemas
+from wrenchflow.recording.container import Container
 from wrenchflow.recording.layout import HEADER, SECOND_NS, UNCOUNTED, Layout
 from wrenchflow.signals import Signal
 
 # Of one message that is looked into; what is larger is an image, or an enemy.
 _MOST_BYTES = 2**20
+_FREE_BYTES, _MOST_EXPANSION = 128 * 2**20, 64
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
@@ -132,6 +134,22 @@ class Topic:
         stamp = seconds.value * SECOND_NS + nanoseconds.value if seconds and nanoseconds else publish
         paths = schemas.column_paths(self.signal)
         return stamp, publish, [leaves[path].value if path in leaves else np.nan for path in paths]
+
+
+def check_room(values: int, container: Container) -> None:
+    """Refuse samples that take far more memory than their file is large.
+
+    A message takes sixteen bytes in the index and a dozen for its times, however little else there is in it. So even
+    of a robot at rest the samples take ten times as much as the file; what takes more than this was made to.
+
+    Raises:
+        RecordingError: If there are too many.
+    """
+    size = 8 * values
+    if size > max(_FREE_BYTES, _MOST_EXPANSION * container.size):
+        raise RecordingError(
+            f"the samples of {container.path} take {size} bytes, and the file {container.size}. Read it in parts."
+        )
 
 
 def record_at(data: UInt8[np.ndarray, " size"], offset: int, channel: int) -> bytes:
