@@ -86,7 +86,8 @@ class Contents:
         id: Name of the episode.
         streams: Signal and frame of each stream.
         cameras: Names of the topics with images.
-        lanes: Kinds of the events.
+        lanes: Kinds of the events that last.
+        instants: What happened at one moment, such as `success`.
         T_tcp_sensor: Pose of the force sensor in the tcp, where the rig is known. Shape (7,).
         box_m: Corners of the box that the tcp's path lies in [m], where it is known. Shape (2, 3).
     """
@@ -95,6 +96,7 @@ class Contents:
     streams: Mapping[str, tuple[Signal, str]]
     cameras: tuple[str, ...] = ()
     lanes: tuple[str, ...] = ()
+    instants: tuple[str, ...] = ()
     T_tcp_sensor: Float[np.ndarray, " 7"] | None = None
     box_m: Float[np.ndarray, "2 3"] | None = None
 
@@ -102,11 +104,14 @@ class Contents:
     def of_episode(cls, episode: Episode) -> "Contents":
         """Of a whole episode."""
         path_m = episode["tcp_pose"].data[:, :3] if "tcp_pose" in episode else np.empty((0, 3))
+        lasting = [event for event in episode.events if event.stop_ns > event.start_ns]
+        instants = [event for event in episode.events if event.stop_ns == event.start_ns]
         return cls(
             id=episode.id,
             streams={name: (stream.signal, stream.frame) for name, stream in episode.streams.items()},
             cameras=tuple(name for name, messages in episode.messages.items() if messages.type.name == IMAGE_MESSAGE),
-            lanes=tuple(dict.fromkeys(event.kind for event in episode.events)),
+            lanes=tuple(dict.fromkeys(event.kind for event in lasting)),
+            instants=tuple(dict.fromkeys(f"{event.kind} {event.label}".strip() for event in instants)),
             T_tcp_sensor=_sensor_in_tcp(episode.meta),
             box_m=np.array([path_m.min(axis=0), path_m.max(axis=0)]) if len(path_m) else None,
         )

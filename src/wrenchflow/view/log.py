@@ -36,7 +36,7 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, contents: Conte
         positions = episode["tcp_pose"].data[:, :3]
         path = style.path_of(positions[:: max(1, len(positions) // _PATH_POINTS)])
         recording.log(PATH, path, static=True)
-    for kind in contents.lanes:
+    for kind in dict.fromkeys(event.kind for event in episode.events):
         log_lane(recording, kind, episode.events_of(kind))
     for name in contents.cameras:
         messages = episode.messages[name]
