@@ -77,6 +77,8 @@ def test_poses_and_the_force_stand_in_space(shown, episode):
         np.testing.assert_array_equal(t, episode[name].t)
         np.testing.assert_array_equal(np.array(translation)[:, 0], episode[name].data[:, :3].astype(np.float32))
         np.testing.assert_array_equal(quat_xyzw, episode[name].data[:, [4, 5, 6, 3]].astype(np.float32))
+    ((path,),) = shown["/world/path", "LineStrips3D:strips"][1]
+    np.testing.assert_array_equal(path[0], episode["tcp_pose"].data[0, :3].astype(np.float32))
     t, vectors = shown["/world/force", "Arrows3D:vectors"]
     np.testing.assert_array_equal(t, episode["wrench"].t)
     np.testing.assert_allclose(np.array(vectors)[:, 0], 0.01 * episode["wrench"].data[:, :3], rtol=1e-6)
