@@ -105,3 +105,33 @@ def peg_plant(peg, peg_model, rig):
         return plant, controller, scene
 
     return make
+
+
+@pytest.fixture(scope="session")
+def rerun_columns():
+    """All that Rerun's own reader finds in an .mcap or an .rrd: values, and stamps [ns], by entity and component.
+
+    Static values have no stamps.
+    """
+    import rerun as rr
+
+    def read(path: Path, timeline: str) -> dict[tuple[str, str], tuple[np.ndarray, list]]:
+        reader = rr.chunk.McapReader(path) if path.suffix == ".mcap" else rr.chunk.RrdReader(path)
+        parts: dict[tuple[str, str], list[tuple[np.ndarray, list]]] = {}
+        for chunk in reader.stream():
+            batch = chunk.to_record_batch()
+            names = set(batch.schema.names) - {"rerun.controls.RowId", *chunk.timeline_names}
+            stamps = batch.column(timeline).cast("int64").to_numpy() if timeline in chunk.timeline_names else None
+            for name in names:
+                rows = batch.column(name).to_pylist()
+                parts.setdefault((chunk.entity_path, name), []).append((stamps, rows))
+        found = {}
+        for key, pieces in parts.items():
+            rows = [row for _, some in pieces for row in some]
+            stamped = [stamps for stamps, _ in pieces if stamps is not None]
+            stamps = np.concatenate(stamped) if stamped else np.empty(0, np.int64)
+            order = np.argsort(stamps, kind="stable")
+            found[key] = (stamps[order], [rows[i] for i in order] if stamped else rows)
+        return found
+
+    return read

@@ -29,7 +29,7 @@ def make_blueprint(contents: Contents, *, live: bool = False) -> rrb.Blueprint:
     others = [plot for _, plot in plots if plot not in first]
     right: list[tuple[rrb.View | rrb.Container, float]] = []
     if contents.lanes:
-        right.append((_lanes(contents), 0.4 + 0.32 * len(contents.lanes)))
+        right.append((_lanes(contents), 0.5 + 0.4 * len(contents.lanes)))
     right += [(plot, 2.0) for plot in first]
     if others:
         right.append((rrb.Tabs(*others, active_tab=0), 2.0))
@@ -73,13 +73,16 @@ def _eye(contents: Contents) -> rrb.EyeControls3D | None:
     if contents.box_m is None:
         return None
     low, high = contents.box_m
-    distance_m = 0.2 + 1.1 * float(np.linalg.norm(high - low))
+    distance_m = 0.14 + 1.1 * float(np.linalg.norm(high - low))
     centre = (low + high) / 2
     return rrb.EyeControls3D(position=centre + distance_m * _EYE_DIRECTION, look_target=centre, eye_up=(0.0, 0.0, 1.0))
 
 
 def _lanes(contents: Contents) -> rrb.View:
-    return rrb.StateTimelineView(origin=EVENTS, name="Events: " + ", ".join(contents.lanes))
+    shown = [f"{EVENTS}/{kind}" for kind in contents.lanes]
+    return rrb.StateTimelineView(
+        origin=EVENTS, contents=shown, name="; ".join([" and ".join(contents.lanes).capitalize(), *contents.instants])
+    )
 
 
 def _plots(contents: Contents, live: bool) -> list[tuple[bool, rrb.View]]:

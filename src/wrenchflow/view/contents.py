@@ -1,7 +1,7 @@
 """What there is to see in an episode, or in one that is being recorded: streams, cameras, kinds of events."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from wrenchflow.spatial import compose, inverse
 
 TIMELINE = "time"
 WORLD, EVENTS = "/world", "/events"
-PATH = f"{WORLD}/tcp_path"
+PATH = f"{WORLD}/path"
 # The arrow of `wrench` is in the base's axes; what the sensor reads is in its own, and hangs on the tcp.
 FORCE, FORCE_AS_READ = f"{WORLD}/force", f"{WORLD}/tcp_pose/force_as_read"
 
@@ -86,30 +86,36 @@ class Contents:
         id: Name of the episode.
         streams: Signal and frame of each stream.
         cameras: Names of the topics with images.
-        lanes: Kinds of the events.
+        lanes: Kinds of the events that last.
+        instants: What happened at one moment, such as `success`.
         T_tcp_sensor: Pose of the force sensor in the tcp, where the rig is known. Shape (7,).
-        box_m: Corners of the box that the tcp's path lies in [m], where it is known. Shape (2, 3).
+        box_m: Corners of the box that the body's path lies in [m], where it is known. Shape (2, 3).
     """
 
     id: str
     streams: Mapping[str, tuple[Signal, str]]
     cameras: tuple[str, ...] = ()
     lanes: tuple[str, ...] = ()
+    instants: tuple[str, ...] = ()
     T_tcp_sensor: Float[np.ndarray, " 7"] | None = None
     box_m: Float[np.ndarray, "2 3"] | None = None
 
     @classmethod
     def of_episode(cls, episode: Episode) -> "Contents":
         """Of a whole episode."""
-        path_m = episode["tcp_pose"].data[:, :3] if "tcp_pose" in episode else np.empty((0, 3))
-        return cls(
+        lasting = [event for event in episode.events if event.stop_ns > event.start_ns]
+        instants = [event for event in episode.events if event.stop_ns == event.start_ns]
+        contents = cls(
             id=episode.id,
             streams={name: (stream.signal, stream.frame) for name, stream in episode.streams.items()},
             cameras=tuple(name for name, messages in episode.messages.items() if messages.type.name == IMAGE_MESSAGE),
-            lanes=tuple(dict.fromkeys(event.kind for event in episode.events)),
+            lanes=tuple(dict.fromkeys(event.kind for event in lasting)),
+            instants=tuple(dict.fromkeys(f"{event.kind} {event.label}".strip() for event in instants)),
             T_tcp_sensor=_sensor_in_tcp(episode.meta),
-            box_m=np.array([path_m.min(axis=0), path_m.max(axis=0)]) if len(path_m) else None,
         )
+        path_m = episode[contents.body].data[:, :3] if contents.body else np.empty((0, 3))
+        path_m = path_m[np.isfinite(path_m).all(axis=1)]
+        return replace(contents, box_m=np.array([path_m.min(axis=0), path_m.max(axis=0)])) if len(path_m) else contents
 
     @classmethod
     def of_sources(
@@ -130,6 +136,11 @@ class Contents:
         frames = {name: frame for name, (signal, frame) in self.streams.items() if signal.kind == "pose"}
         world = frames.get("tcp_pose", next(iter(frames.values()), ""))
         return tuple(name for name, frame in frames.items() if frame == world)
+
+    @property
+    def body(self) -> str | None:
+        """The pose that moves through space, with axes and a path: the tcp's, or else the first there is."""
+        return "tcp_pose" if "tcp_pose" in self.poses else next(iter(self.poses), None)
 
     @property
     def forces(self) -> tuple[str, ...]:

@@ -30,7 +30,8 @@ class LiveView:
                 view.push("control", row)  # Every row; a few times a second one is passed on.
 
     `push` never waits: rows lie in shared memory until another process, of lower priority, logs them. What does not
-    fit is dropped and counted. If that process or the viewer dies, pushes go nowhere, and nothing else happens.
+    fit is dropped and counted. If that process or the viewer dies, pushes go nowhere, and nothing else happens. A file
+    whose writing fails stays `.partial`.
 
     A viewer that listens on the port is used, so that all episodes of a session come to one window; else one is opened,
     which listens on the loopback only and stays open afterwards.

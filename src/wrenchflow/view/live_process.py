@@ -89,7 +89,7 @@ class _Showing:
         for column in source.columns:
             samples = samples_of(rows, column, start_ns)
             log_samples(self._recording, self._contents, column.name, samples.t, samples.data)
-            if column.name == "tcp_pose" and len(samples.t):
+            if column.name == self._contents.body and len(samples.t):
                 self._trail.extend(samples.data[:, :3])
                 self._recording.set_time(TIMELINE, timestamp=np.datetime64(int(samples.t[-1]), "ns"))
                 self._recording.log(PATH, style.path_of(np.array(self._trail)))
@@ -97,7 +97,10 @@ class _Showing:
     def finish(self) -> None:
         """Log what still waits, and complete the file if there is one."""
         self.pass_on()
-        self._recording.flush()
+        try:
+            self._recording.flush()
+        except RuntimeError:
+            return  # The window was closed, or the disk is full; a file stays `.partial`.
         self._recording.disconnect()
         if self._job.save is not None:
             finish_file(self._job.save)

@@ -32,11 +32,11 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, contents: Conte
     log_start(recording, contents, episode.span_ns[0])
     for name, stream in episode.streams.items():
         log_samples(recording, contents, name, stream.t, stream.data)
-    if "tcp_pose" in contents.poses and len(episode["tcp_pose"]):
-        positions = episode["tcp_pose"].data[:, :3]
+    if contents.body is not None and len(episode[contents.body]):
+        positions = episode[contents.body].data[:, :3]
         path = style.path_of(positions[:: max(1, len(positions) // _PATH_POINTS)])
         recording.log(PATH, path, static=True)
-    for kind in contents.lanes:
+    for kind in dict.fromkeys(event.kind for event in episode.events):
         log_lane(recording, kind, episode.events_of(kind))
     for name in contents.cameras:
         messages = episode.messages[name]

@@ -6,6 +6,7 @@ from pathlib import Path
 import rerun as rr
 
 from wrenchflow.episode import Episode
+from wrenchflow.errors import OutputError
 from wrenchflow.view.blueprint import make_blueprint
 from wrenchflow.view.contents import Contents
 from wrenchflow.view.log import APPLICATION, log_episode
@@ -49,5 +50,8 @@ def _write(episode: Episode, path: Path) -> None:
     recording.save(path)
     recording.send_blueprint(make_blueprint(contents))
     log_episode(recording, episode, contents)
-    recording.flush()
+    try:
+        recording.flush()
+    except RuntimeError as error:
+        raise OutputError(f"cannot write {path}: Rerun says {error}.") from error
     recording.disconnect()

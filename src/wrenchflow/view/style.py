@@ -18,7 +18,7 @@ _MANY: tuple[_Colour, ...] = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (2
 _GREY: _Colour = (150, 158, 168)
 _FORCE: _Colour = (240, 200, 60)
 _MARKS: dict[str, _Colour] = {"target_pose": (204, 121, 167), "command_pose": (86, 180, 233)}
-_AXES_M = {"tcp_pose": 0.06, "goal_pose": 0.03}
+_BODY_AXES_M, _GOAL_AXES_M = 0.06, 0.03
 _PHASES: tuple[_Colour, ...] = ((62, 72, 84), (86, 104, 126), (74, 98, 92), (104, 92, 112), (98, 96, 78))
 _STATES: dict[str, _Colour] = {
     "contact": (230, 159, 0),
@@ -41,7 +41,7 @@ def log_styles(recording: rr.RecordingStream, contents: Contents) -> None:
         )
         recording.log(series.entity, style, static=True)
     for name in contents.poses:
-        recording.log(f"{WORLD}/{name}", *_marks(name), static=True)
+        recording.log(f"{WORLD}/{name}", _mark(name, name == contents.body), static=True)
     if contents.arrow is not None:
         arrow = rr.Arrows3D.from_fields(colors=[_FORCE], radii=[0.002])
         recording.log(contents.arrow_entity, arrow, static=True)
@@ -64,11 +64,11 @@ def states_of(kind: str, events: Sequence[Event]) -> rr.StateConfiguration:
     return rr.StateConfiguration(values=values, labels=values, colors=colours)
 
 
-def _marks(name: str) -> Sequence[rr.AsComponents]:
-    if name in _AXES_M:
-        return (rr.TransformAxes3D(_AXES_M[name]),)
-    point = rr.Points3D([[0, 0, 0]], radii=[0.003], colors=[_MARKS.get(name, _GREY)], labels=[name], show_labels=False)
-    return (point,)
+def _mark(name: str, is_body: bool) -> rr.AsComponents:
+    if is_body or name == "goal_pose":
+        return rr.TransformAxes3D(_BODY_AXES_M if is_body else _GOAL_AXES_M)
+    colour = _MARKS.get(name, _GREY)
+    return rr.Points3D([[0, 0, 0]], radii=[0.003], colors=[colour], labels=[name], show_labels=False)
 
 
 def _paler(colour: _Colour) -> _Colour:

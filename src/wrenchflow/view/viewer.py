@@ -45,7 +45,7 @@ def viewer_environment() -> dict[str, str]:
     """
     environment = {name: value for name, value in os.environ.items() if name.upper() not in _OVERRIDDEN}
     proxies = {name: _NOBODY for proxy in _PROXIES for name in (proxy, proxy.lower())}
-    return environment | proxies | {"CI": "true"}
+    return environment | proxies | {"CI": "true", "RUST_LOG": "error"}
 
 
 def require_display() -> None:
