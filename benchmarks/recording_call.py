@@ -2,21 +2,30 @@
 
 uv run python benchmarks/recording_call.py [SECONDS] [RUNS]
 
-Each run records all low-dimensional topics of the simulated arm; beside it, an empty call is timed in the same ticks.
+Each run records all low-dimensional topics of the simulated arm, and two cameras of 224 x 224 at 30 Hz, which are
+drawn and compressed in a process of their own; to the call belongs that the loop says what the scene looks like. Beside
+it, an empty call is timed in the same ticks.
 """
 
 import multiprocessing
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+import mujoco
 import numpy as np
 
+from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.sim_camera import SimCamera, moments, views_of
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.signals import IMPEDANCE, JOINT_TORQUE, JOINTS, POSE, TWIST, WRENCH
+from wrenchflow.sim.state import looks_of, looks_size
+from wrenchflow.sim.tasks import scenery
+from wrenchflow.sim.tasks.task import mjcf_of
 from wrenchflow.source import Column, Source
 
 GOAL_US = 50.0
@@ -44,14 +53,39 @@ def burn() -> None:
         sum(range(10_000))
 
 
-def run(folder: Path, duration_s: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """Time of each recording call and of each empty one [s], and rows that are missing in the file."""
+@dataclass(frozen=True)
+class Run:
+    """What came of one run.
+
+    Attributes:
+        calls: Time of each recording call [s].
+        empty: Time of each empty call [s].
+        rows_missing: Rows that are not in the file.
+        pictures_missing: Share of the pictures that are not in the file.
+    """
+
+    calls: np.ndarray
+    empty: np.ndarray
+    rows_missing: int
+    pictures_missing: float
+
+
+def run(folder: Path, duration_s: float) -> Run:
+    """Record for some time."""
     count = round(duration_s * 1000)
     calls, empty = np.zeros(count), np.zeros(count)
     row, values = np.zeros(1, ROW), np.random.default_rng(0).normal(size=(64, 80))
     source = Source(name="control", dtype=ROW, columns=COLUMNS)
-    with Recorder(folder / "e.mcap", id="e", task="bench", sources=[source]) as recorder:
-        push, start_ns, start_s = recorder.ring("control").push, time.time_ns(), time.perf_counter()
+    config = CollectConfig(cameras=("wrist", "scene"))
+    task, rig, model = scenery(config.task, config.rig)
+    views, data = views_of(config, rig), mujoco.MjData(model)
+    task.place(model, data, task.draw(model, np.random.default_rng(0)))
+    waiting = moments(looks_size(model))
+    moment = np.zeros(1, waiting.dtype)
+    camera = SimCamera(mjcf_of(task, rig), views, waiting.name)
+    path = folder / "e.mcap"
+    with Recorder(path, id="e", task="bench", sources=[source], cameras=[camera]) as recorder:
+        push, start_ns, start_s = recorder.ring("control").push, recorder.clock.now_ns(), time.perf_counter()
         for number in range(count):
             row["t_ns"] = start_ns + number * 1_000_000
             for column in COLUMNS:
@@ -61,6 +95,10 @@ def run(folder: Path, duration_s: float) -> tuple[np.ndarray, np.ndarray, int]:
             b = time.perf_counter()
             push(row)
             recorder.is_alive  # noqa: B018 (what a control loop asks at each tick)
+            if number * 30 % 1000 < 30:
+                moment["t_ns"], moment["sequence"] = row["t_ns"], number * 30 // 1000
+                moment["looks"] = looks_of(model, data)
+                waiting.push(moment)
             c = time.perf_counter()
             empty[number], calls[number] = b - a, c - b
             left_s = start_s + (number + 1) * 1e-3 - c
@@ -68,7 +106,12 @@ def run(folder: Path, duration_s: float) -> tuple[np.ndarray, np.ndarray, int]:
                 time.sleep(left_s - 1.5e-4)
             while time.perf_counter() < start_s + (number + 1) * 1e-3:
                 pass
-    return calls, empty, count - len(read_episode(folder / "e.mcap", ["tcp_pose"])["tcp_pose"])
+    waiting.close()
+    waiting.unlink()
+    episode = read_episode(path, ["tcp_pose"], messages=[view.frame for view in views])
+    pictures = [len(messages) for messages in episode.messages.values()]
+    missing = 1.0 - sum(pictures) / (len(pictures) * np.ceil(duration_s * 30))
+    return Run(calls, empty, count - len(episode["tcp_pose"]), missing)
 
 
 def main(duration_s: float, runs: int) -> None:
@@ -78,12 +121,14 @@ def main(duration_s: float, runs: int) -> None:
     p999_us, lost = [], 0
     for _ in range(runs):
         with tempfile.TemporaryDirectory() as folder:
-            calls, empty, missing = run(Path(folder), duration_s)
-        lost += missing
-        p999_us.append(float(np.percentile(calls, 99.9)) * 1e6)
+            of = run(Path(folder), duration_s)
+        lost += of.rows_missing
+        p999_us.append(float(np.percentile(of.calls, 99.9)) * 1e6)
         print(
-            f"recording p50 {np.median(calls) * 1e6:5.1f}  p99.9 {p999_us[-1]:6.1f}  max {calls.max() * 1e6:7.1f} us; "
-            f"empty call p99.9 {np.percentile(empty, 99.9) * 1e6:5.1f} us; rows lost {missing}"
+            f"recording p50 {np.median(of.calls) * 1e6:5.1f}  p99.9 {p999_us[-1]:6.1f}  "
+            f"max {of.calls.max() * 1e6:7.1f} us; empty call p99.9 {np.percentile(of.empty, 99.9) * 1e6:5.1f} us; "
+            f"rows lost {of.rows_missing}; pictures not taken {of.pictures_missing:.1%}",
+            flush=True,
         )
     load.terminate()
     print(f"median p99.9 {median(p999_us):.1f} us, goal under {GOAL_US:.0f} us; rows lost {lost}, goal 0")

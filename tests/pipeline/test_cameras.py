@@ -209,12 +209,13 @@ def test_a_picture_shows_a_point_where_the_cameras_pose_says_that_it_is(peg, rig
 
     from wrenchflow.sim.render import Renderer
     from wrenchflow.sim.state import looks_of
+    from wrenchflow.sim.tasks.task import mjcf_of
     from wrenchflow.spatial import compose, inverse, make_pose
 
     data = mujoco.MjData(peg_model)
     scene = peg.draw(peg_model, np.random.default_rng(5))
     peg.place(peg_model, data, scene)
-    renderer = Renderer(peg.mjcf(rig), str(find_gl()), 320, 240)
+    renderer = Renderer(mjcf_of(peg, rig), str(find_gl()), 320, 240)
     renderer.set(looks_of(peg_model, data))
     for mount in rig.cameras:
         red, green, blue = (renderer.draw(mount.name)[..., i].astype(int) for i in range(3))
@@ -256,7 +257,7 @@ def test_cameras_in_real_time_by_the_command(tmp_path, wrenchflow):
     clean = read_episode(tmp_path / "clean" / path.name)
     assert clean.messages == episode.messages
     assert clean.attachments == episode.attachments
-    assert {"model.xml", "config.json", "calibration.json"} <= set(clean.attachments)
+    assert {"model.xml", "model.mjb.gz", "config.json", "calibration.json"} <= set(clean.attachments)
     config = json.loads(clean.attachments["config.json"].data)
     assert config["collect"]["cameras"] == ["wrist", "scene"]
 

@@ -11,11 +11,14 @@ import pytest
 
 from wrenchflow.collect import realtime
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import demonstrate
+from wrenchflow.collect.session import collect_folder, demonstrate
 from wrenchflow.errors import OutputError
+from wrenchflow.recording.images import images_of
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recover import recover
 from wrenchflow.recording.validate import validate
+from wrenchflow.sim.gl import find_gl
+from wrenchflow.view.live import LiveView
 
 CONFIG = CollectConfig(episodes=1, seed=3, tare_s=0.5, realtime=True)
 
@@ -71,3 +74,34 @@ def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp
     pose = read_episode(tmp_path / "saved.mcap")["tcp_pose"]
     assert len(pose) > 500
     np.testing.assert_array_equal(pose.data, virtual["tcp_pose"].data[: len(pose)])
+
+
+def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
+    tmp_path, monkeypatch, unchecked, virtual, rerun_columns
+):
+    shown = tmp_path / "live.rrd"
+    cameras = ("wrist",) if find_gl() else ()
+    config = replace(CONFIG, live=True, realtime=False, cameras=cameras)
+
+    def to_a_file(name, views, attempt):
+        return LiveView(
+            name, [realtime.CONTROL, realtime.DEVICE, realtime.GOAL], views=views, meta=attempt.meta, save=shown
+        )
+
+    monkeypatch.setattr(realtime, "_live", to_a_file)
+    with unchecked():
+        (done,) = collect_folder(tmp_path / "raw", config)
+    episode = read_episode(tmp_path / "raw" / f"{done.id}.mcap")
+    for name, stream in virtual.streams.items():
+        np.testing.assert_array_equal(episode[name].data, stream.data, err_msg=name)
+    columns = rerun_columns(shown, "time")
+    t, position = columns["/tcp_pose/position", "Scalars:scalars"]
+    pose = episode["tcp_pose"]
+    np.testing.assert_array_equal(position, pose.data[np.searchsorted(pose.t, t), :3])
+    assert 15 <= np.median(np.diff(t)) * 1e-6 <= 25
+    if cameras:
+        recorded = episode.messages["camera/wrist"]
+        t, pictures = columns["/camera/wrist", "EncodedImage:blob"]
+        data = {image.t_ns: bytes(image.data) for image in images_of(recorded)}
+        assert len(t) > 3
+        assert all(bytes(picture[0]) == data[stamp] for stamp, picture in zip(t.tolist(), pictures, strict=True))

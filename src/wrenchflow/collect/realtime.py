@@ -16,7 +16,7 @@ from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import Ring
-from wrenchflow.sim.attempt import DEMONSTRATE, MODEL, Attempt, episode_id
+from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt, episode_id
 from wrenchflow.sim.row import ROW
 from wrenchflow.sim.state import looks_size
 from wrenchflow.sim.streams import COLUMNS
@@ -74,7 +74,7 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
             ring = moments(looks_size(model))
             stack.callback(ring.unlink)
             stack.callback(ring.close)
-            mjcf = attempt.attachments(known)[MODEL].data.decode()
+            mjcf = attempt.attachments(known)[MJCF].data.decode()
             show = stack.enter_context(_live(name, views, attempt)) if config.live else None
             recorder = Recorder(
                 folder / f"{name}.mcap",

@@ -27,6 +27,7 @@ from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks import scenery
+from wrenchflow.sim.tasks.task import mjcf_of
 from wrenchflow.spatial import exp_so3, make_pose, rotation_of
 
 OPERATORS = ("scripted", "blind-spiral")
@@ -87,7 +88,7 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
         collect=to_mapping(config),
         **known,
     )
-    return replace(episode, messages=album.draw(task.mjcf(rig)))
+    return replace(episode, messages=album.draw(mjcf_of(task, rig) if views else ""))
 
 
 class Session:

@@ -41,7 +41,7 @@ def check_rendering(backend: str) -> Check:
     other = next(label for key, (label, _) in _PACKAGES.items() if key != backend)
     if not has_simulator():
         return Check(name=name, state="missing", found="not tried: mujoco is not installed")
-    answer = ask(["-m", "wrenchflow.sim.render_probe"], limit_s=_LIMIT_S, environment={"MUJOCO_GL": backend})
+    answer = ask(["-m", "wrenchflow.sim.gl", backend], limit_s=_LIMIT_S, environment={"MUJOCO_GL": backend})
     if answer.failure:
         return Check(
             name=name,

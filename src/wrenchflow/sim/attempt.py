@@ -19,16 +19,17 @@ from wrenchflow.rig import Rig
 from wrenchflow.signals import POSE
 from wrenchflow.sim.config import AttemptConfig
 from wrenchflow.sim.plant import Measurement, Plant
-from wrenchflow.sim.state import looks_of, state_of
+from wrenchflow.sim.state import looks_of, model_bytes, state_of
 from wrenchflow.sim.streams import streams_of
-from wrenchflow.sim.tasks.task import Scene, Task
+from wrenchflow.sim.tasks.task import Scene, Task, mjcf_of
 
 Beat = Callable[[np.ndarray], None]
 # Called with the time [ns], the number of a picture, and what the scene looks like then.
 Glance = Callable[[int, int, np.ndarray], None]
 
 _MARGIN_S = 1.0  # The last step may end after the time limit.
-MODEL = "model.xml"  # Name of the attached file.
+# Names of attached files: the model for people and pictures, and the same to the last bit.
+MJCF, MODEL = "model.xml", "model.mjb.gz"
 # Last number of an attempt's seed: evaluation never meets a scene that was demonstrated.
 DEMONSTRATE, EVALUATE = 0, 1
 
@@ -193,7 +194,8 @@ class Attempt:
             "cameras": to_mapping(self.rig.cameras),
         }
         return {
-            MODEL: Attachment(data=self.task.mjcf(self.rig).encode(), media_type="application/xml"),
+            MJCF: Attachment(data=mjcf_of(self.task, self.rig).encode(), media_type="application/xml"),
+            MODEL: Attachment(data=model_bytes(self.plant.model), media_type="application/gzip"),
             "calibration.json": _json(calibration),
             "config.json": _json(config),
         }

@@ -2,20 +2,25 @@
 
     python -m wrenchflow.sim.gl egl
 
-draws one small picture and ends with 0 where that worked. Each way is tried in a process of its own: a broken driver
-may end the process, and a library that was loaded for one way cannot be taken back for the other.
+draws some pictures, prints as JSON how long one takes and what drew it, and ends with 0 where that worked. Each way is
+tried in a process of its own: a broken driver may end the process, and a library that was loaded for one way cannot be
+taken back for the other.
 """
 
 import importlib
+import json
 import os
+import statistics
 import subprocess
 import sys
+import time
 from functools import cache
 from typing import Any
 
 WAYS = ("egl", "osmesa")
 PACKAGES = "libegl1 and libgl1-mesa-dri, or libosmesa6"  # Debian's names.
 _PATIENCE_S = 60.0
+_PIXELS, _PICTURES = 224, 10
 
 
 @cache
@@ -50,10 +55,21 @@ def _try(way: str) -> int:
     from wrenchflow.sim.render import Renderer
 
     world = "<light pos='0 0 3'/><geom size='1'/><camera name='eye' pos='0 0 3'/>"
-    renderer = Renderer(f"<mujoco><worldbody>{world}</worldbody></mujoco>", way, 64, 64)
-    pixels = renderer.draw("eye")
+    renderer = Renderer(f"<mujoco><worldbody>{world}</worldbody></mujoco>", way, _PIXELS, _PIXELS)
+    taken_s = []
+    for _ in range(_PICTURES + 1):
+        start_s = time.perf_counter()
+        pixels = renderer.draw("eye")
+        taken_s.append(time.perf_counter() - start_s)
+    from OpenGL import GL  # Only now: MuJoCo has told it which library to take.
+
+    drawn_by = (GL.glGetString(GL.GL_RENDERER) or b"an unknown renderer").decode()
     renderer.close()
-    return 0 if pixels.max() > pixels.min() else 1
+    if pixels.max() == pixels.min():
+        print("the picture is empty", file=sys.stderr)
+        return 1
+    print(json.dumps({"frame_s": statistics.median(taken_s[1:]), "renderer": drawn_by}))
+    return 0
 
 
 if __name__ == "__main__":

@@ -8,11 +8,11 @@ import numpy as np
 from wrenchflow.config import from_mapping
 from wrenchflow.control.records import JOINTS, OBS
 from wrenchflow.episode import Episode
-from wrenchflow.errors import RecordingError
+from wrenchflow.errors import ControlError, RecordingError
 from wrenchflow.rig import rig_of
 from wrenchflow.sim.attempt import MODEL, generators
 from wrenchflow.sim.plant import Measurement, Plant
-from wrenchflow.sim.state import set_state, state_size
+from wrenchflow.sim.state import model_of, set_state, state_size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +52,16 @@ def replay(episode: Episode) -> Replay:
     command, joints = episode["joint_command"], episode["joint_states"]
     if len(command) != len(joints) or (np.diff(command.t) != np.diff(command.t)[:1]).any():
         raise RecordingError(f"episode {episode.id} lacks ticks, and what is missing cannot be commanded.")
-    model, state = _model(episode), np.array(start["state"], float)
+    try:
+        model = model_of(episode.attachments[MODEL].data)
+    except ControlError as error:
+        raise RecordingError(
+            f"'{MODEL}' in episode {episode.id}, recorded with MuJoCo {start.get('mujoco', '?')}, is {error}"
+        ) from error
+    state = np.array(start["state"], float)
     if state.shape != (state_size(model),):
         raise RecordingError(
-            f"episode {episode.id} has a state of {state.size} numbers, and its model takes {state_size(model)} here "
-            f"(recorded with MuJoCo {start.get('mujoco', '?')}, this is {mujoco.__version__})."
+            f"episode {episode.id} has a state of {state.size} numbers, and its model takes {state_size(model)}."
         )
     data = mujoco.MjData(model)
     _, plant_rng, _ = generators(episode.meta["seed"])
@@ -76,10 +81,3 @@ def replay(episode: Episode) -> Replay:
         tcp_divergence_m=float(np.linalg.norm(x - episode["tcp_pose"].data[:, :3], axis=1).max()),
         wrench_divergence_n=float(np.abs(force[1:] - episode["wrench_raw"].data[:, :3]).max()),
     )
-
-
-def _model(episode: Episode) -> mujoco.MjModel:
-    try:
-        return mujoco.MjModel.from_xml_string(episode.attachments[MODEL].data.decode())
-    except ValueError as error:
-        raise RecordingError(f"'{MODEL}' in episode {episode.id} is no model: {error}") from error

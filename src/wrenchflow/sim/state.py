@@ -1,13 +1,37 @@
-"""The state of a simulation as numbers: all of it, to run it again, or what it looks like, to draw it."""
+"""A simulation as bytes and numbers: its model and whole state, to run it again, or its looks, to draw it."""
+
+import gzip
+import zlib
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wrenchflow.errors import ControlError
+
 # All that the next step depends on.
 _WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 # Joints, and bodies that are put somewhere.
 _LOOKS = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_MOCAP_POS | mujoco.mjtState.mjSTATE_MOCAP_QUAT)
+
+
+def model_bytes(model: mujoco.MjModel) -> bytes:
+    """A model to the last bit, as MuJoCo's own compressed binary; another version of MuJoCo cannot read it."""
+    content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, content)
+    return gzip.compress(content.tobytes(), mtime=0)
+
+
+def model_of(content: bytes) -> mujoco.MjModel:
+    """The model of some bytes.
+
+    Raises:
+        ControlError: If they are none, or of another version of MuJoCo.
+    """
+    try:
+        return mujoco.MjModel.from_binary_path("model", {"model": gzip.decompress(content)})
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise ControlError(f"no model of MuJoCo {mujoco.__version__}: {error}") from error
 
 
 def state_of(model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, " n"]:

@@ -49,13 +49,12 @@ class PegInsertion:
         """How far off the axis the rim still meets the chamfer."""
         return self.clearance_m + self.chamfer_m + self.rim_radius_m
 
-    def mjcf(self, rig: Rig) -> str:
+    def make_spec(self, rig: Rig) -> mujoco.MjSpec:
         """The arm with the peg below its sensor, and the block with the hole as a body that can be moved."""
         spec = make_arm(rig)
         self._add_peg(spec, rig)
         self._add_block(spec)
-        spec.compile()
-        return spec.to_xml()
+        return spec
 
     def _contact(self) -> dict:
         # Stiff, for at MuJoCo's defaults a 20 N push sinks in by more than the clearance; but with a force that grows

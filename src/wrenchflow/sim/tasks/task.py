@@ -27,7 +27,14 @@ class Scene:
 
 def make_model(task: "Task", rig: Rig) -> mujoco.MjModel:
     """The model of a task with the arm of `rig`."""
-    return mujoco.MjModel.from_xml_string(task.mjcf(rig))
+    return task.make_spec(rig).compile()
+
+
+def mjcf_of(task: "Task", rig: Rig) -> str:
+    """The same as MuJoCo's XML, for people, other tools and pictures; its numbers have six digits."""
+    spec = task.make_spec(rig)
+    spec.compile()
+    return spec.to_xml()
 
 
 @runtime_checkable
@@ -44,12 +51,8 @@ class Task(Protocol):
         """How long an attempt may last [s]."""
         ...
 
-    def mjcf(self, rig: Rig) -> str:
-        """The arm of `rig` with the task's tool and fixture, as MuJoCo's XML.
-
-        What is simulated is made of this text, never of what the text was made of: its numbers have six digits, and a
-        recording that carries it then carries the very model.
-        """
+    def make_spec(self, rig: Rig) -> mujoco.MjSpec:
+        """The arm of `rig` with the task's tool and fixture."""
         ...
 
     def draw(self, model: mujoco.MjModel, rng: np.random.Generator) -> Scene:
