@@ -5,6 +5,7 @@ written, and the file is completed and says so; if this one dies, the file stays
 """
 
 import multiprocessing
+import os
 import signal
 import time
 from collections.abc import Mapping
@@ -67,19 +68,23 @@ def run_writer(job: Job, control: Connection) -> None:
         writing.drain()  # Nothing is there yet, but what it takes is compiled now, and not while rows wait.
         control.send("")  # Ready.
         said: Any = None
+        is_behind = False
         while said is None:
-            ready = wait([control, parent.sentinel], _POLL_S)
+            ready = wait([control, parent.sentinel], 0.0 if is_behind else _POLL_S)
             if control in ready:
                 said = _receive(control)
             elif ready:
                 said = _DIED
-            writing.drain()
+            is_behind = writing.drain()
         writing.finish(said)
         _send(control, "")
     except (WrenchflowError, OSError) as error:
         _send(control, str(error))
     finally:
         writing.close(unlink=not parent.is_alive())
+    # All is on the disk and everybody knows. Taking the interpreter down in order takes a quarter of a second, and
+    # `finish` would wait for that.
+    os._exit(0)
 
 
 _DIED = {"success": False, "failure": "the control process died"}
@@ -121,11 +126,13 @@ class _Writing:
         self._chunk_start_ns: int | None = None
         self._synced_s = time.monotonic()
 
-    def drain(self) -> None:
-        """Write what waits; end a chunk that is old enough, and sync now and then."""
+    def drain(self) -> bool:
+        """Write what waits; end a chunk that is old enough, and sync now and then. True where a ring was half full."""
         newest_ns = 0
+        is_behind = False
         for source, ring in zip(self._sources, self._rings[:-1], strict=True):
             rows = ring.take()
+            is_behind |= len(rows) > ring.capacity // 2
             if len(rows):
                 count = self._counts[source.name]
                 count.see(rows[T])
@@ -146,6 +153,7 @@ class _Writing:
         if time.monotonic() - self._synced_s > _SYNC_S:
             self._writer.sync()
             self._synced_s = time.monotonic()
+        return is_behind
 
     def finish(self, result: Any) -> None:
         """Write what still waits, and complete the file."""
