@@ -81,7 +81,7 @@ def read_with_mcap(path: Path, dtypes: dict[str, np.dtype]) -> dict[str, tuple[n
     for name, dtype in dtypes.items():
         rows = np.frombuffer(b"".join(messages[name]), dtype)
         t = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
-        found[name] = t, np.column_stack([rows[column] for column in dtype.names[2:]])
+        found[name] = t, np.column_stack([rows[column] for column in (dtype.names or ())[2:]])
     return found
 
 

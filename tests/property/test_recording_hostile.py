@@ -163,15 +163,17 @@ def outcome(path: Path) -> dict[str, object]:
     """What reading it said, how many bytes of messages there are, and how much memory it took."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     said, held = [], 0
-    for work in (read_info, read_episode, lambda path: list(Recording(path).windows(10**9))):
+
+    def read() -> None:
+        nonlocal held
+        found = read_episode(path).messages.values()
+        held = sum(len(of.payloads[i]) for of in found for i in range(len(of)))
+
+    for work in (lambda: read_info(path), read, lambda: list(Recording(path).windows(10**9))):
         try:
-            found = work(path)
+            work()
         except WrenchflowError as error:
             said.append(str(error))
-        else:
-            if work is read_episode:
-                held = sum(len(of.payloads[i]) for of in found.messages.values() for i in range(len(of)))
-            del found
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
     return {"said": said, "held": held, "grown": grown}
 

@@ -6,6 +6,7 @@ written, and the file is completed and says so; if this one dies, the file stays
 
 import math
 import multiprocessing
+import os
 import signal
 import time
 from collections.abc import Mapping
@@ -83,19 +84,23 @@ def run_writer(job: Job, control: Connection) -> None:
         writing.drain()  # Nothing is there yet, but what it takes is compiled now, and not while rows wait.
         control.send("")  # Ready.
         end: _End | None = None
+        is_behind = False
         while end is None:
-            ready = wait([control, parent.sentinel], _POLL_S)
+            ready = wait([control, parent.sentinel], 0.0 if is_behind else _POLL_S)
             if control in ready:
                 end = _receive(control)
             elif ready:
                 end = _DIED
-            writing.drain()
+            is_behind = writing.drain()
         writing.finish(*end)
         _send(control, "")
     except (WrenchflowError, OSError) as error:
         _send(control, str(error))
     finally:
         writing.close(unlink=not parent.is_alive())
+    # All is on the disk and everybody knows. Taking the interpreter down in order takes a quarter of a second, and
+    # `finish` would wait for that.
+    os._exit(0)
 
 
 # What came of the episode, and what went wrong with which camera.
@@ -152,11 +157,13 @@ class _Writing:
         self._chunk_start_ns: int | None = None
         self._synced_s = -math.inf
 
-    def drain(self) -> None:
-        """Write what waits; end a chunk that is old enough, and sync now and then."""
+    def drain(self) -> bool:
+        """Write what waits; end a chunk that is old enough, and sync now and then. True where a ring was half full."""
         newest_ns = 0
+        is_behind = False
         for source, ring in self._sources:
             rows = ring.take()
+            is_behind |= len(rows) > ring.capacity // 2
             if len(rows):
                 self._write(source, rows)
                 newest_ns = self._aged(rows, newest_ns)
@@ -178,6 +185,7 @@ class _Writing:
             self._synchronise()
             self._writer.sync()
             self._synced_s = time.monotonic()
+        return is_behind
 
     def _aged(self, rows: np.ndarray, newest_ns: int) -> int:
         """The newest stamp so far; the first one after a chunk's end is the start of the next."""
