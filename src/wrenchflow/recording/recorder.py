@@ -99,7 +99,7 @@ class Recorder:
         context = multiprocessing.get_context("spawn")
         self._control, theirs = context.Pipe()
         self._process = context.Process(target=run_writer, args=(job, theirs), name="wrenchflow-writer", daemon=True)
-        self._looked_s, self._was_alive, self._finished = 0.0, True, False
+        self._looked_s, self._was_alive, self._finished, self._is_done = 0.0, True, False, False
         try:
             for camera in self._cameras:
                 camera.wait_until_open()
@@ -182,6 +182,7 @@ class Recorder:
             with suppress(OSError):  # A writer that has gone may have said why: that is read below.
                 self._control.send(({} if result is None else result, problems))
             self._expect("finish", _FINISH_S)
+            self._is_done = True
         finally:
             self._release()
 
@@ -210,7 +211,9 @@ class Recorder:
         for camera in self._cameras:
             camera.release()
         self._control.close()
-        if self._process.pid is not None:  # Else it was not started: a camera was not there.
+        # One that was never started has nothing to end: a camera was not there. One that is done ends by itself; it is
+        # not waited for, because to take a process down takes as long as to write a second of recording.
+        if self._process.pid is not None and not self._is_done:
             self._process.join(1.0)
             if self._process.is_alive():
                 self._process.terminate()

@@ -32,6 +32,9 @@ _COUNTERS = np.dtype(
     }
 )
 
+# Where the counters are, in steps of eight bytes.
+_HEAD, _DROPPED, _TAIL = 0, 1, _LINE // 8
+
 _PLACE = Path("/dev/shm")  # Where Linux keeps shared memory, as files.
 
 
@@ -47,17 +50,19 @@ _fence: Any = intrinsic(_make_fence)
 
 
 @kernel
-def _push(counters, rows, row, size):
-    head, tail = counters[0].head, counters[0].tail
+def _push(memory, row, size):
+    counters = memory[: 2 * _LINE].view(np.uint64)
+    head, tail = counters[_HEAD], counters[_TAIL]
     _fence()
-    if head - tail >= rows.shape[0]:
-        counters[0].dropped += np.uint64(1)
+    rows = memory[2 * _LINE :]
+    capacity = np.uint64(rows.shape[0] // row.shape[0])
+    if head - tail >= capacity:
+        counters[_DROPPED] += np.uint64(1)
         return False
-    place = rows[head % np.uint64(rows.shape[0])]
-    for i in range(size):
-        place[i] = row[i]
+    start = np.int64(head % capacity) * row.shape[0]
+    rows[start : start + size] = row[:size]
     _fence()
-    counters[0].head = head + np.uint64(1)
+    counters[_HEAD] = head + np.uint64(1)
     return True
 
 
@@ -107,8 +112,12 @@ class Ring:
         self.name, self.dtype, self.capacity = memory.name, dtype, capacity
         self._counters = np.ndarray(1, _COUNTERS, memory.buf)
         self._rows = np.ndarray(capacity, dtype, memory.buf, offset=_COUNTERS.itemsize)
-        # Rows are stored as bytes: one compiled function serves rows of any kind.
-        self._bytes = np.ndarray((capacity, dtype.itemsize), np.uint8, memory.buf, offset=_COUNTERS.itemsize)
+        # Rows are stored as bytes: one compiled function serves rows of any kind. It is called with as few arrays as
+        # can be, and the bytes of a row that is filled again and again are looked up once: each costs as much as the
+        # copy does.
+        self._bytes = np.ndarray(_COUNTERS.itemsize + capacity * dtype.itemsize, np.uint8, memory.buf)
+        self._row_bytes = np.empty(0, np.uint8)
+        self._row: np.ndarray = self._row_bytes
 
     @classmethod
     def create(cls, dtype: np.dtype, capacity: int) -> "Ring":
@@ -140,20 +149,31 @@ class Ring:
         Args:
             row: Shape (1,).
             size: How many bytes of it matter; without it, all.
+
+        Raises:
+            StreamError: If it is no such row.
         """
-        return _push(self._counters, self._bytes, row.view(np.uint8), self.dtype.itemsize if size is None else size)
+        if row is not self._row:
+            if row.dtype != self.dtype or row.shape != (1,):
+                raise StreamError(f"a ring takes one row of {self.dtype}, got {row.shape} of {row.dtype}.")
+            self._row, self._row_bytes = row, row.view(np.uint8)
+        return _push(self._bytes, self._row_bytes, self.dtype.itemsize if size is None else size)
 
     def refuse(self) -> None:
         """Count a row that was lost before it could be stored."""
         self._counters["dropped"] += 1
 
-    def take(self) -> np.ndarray:
-        """A copy of all rows that wait, oldest first; their places are free afterwards."""
+    def take(self, most: int | None = None) -> np.ndarray:
+        """A copy of the rows that wait, oldest first; their places are free afterwards.
+
+        Args:
+            most: How many are taken at once; without it, all.
+        """
         tail, head = _waiting(self._counters)
-        count = int(head - tail)
+        count = int(head - tail) if most is None else min(int(head - tail), most)
         first = int(tail % self.capacity)
         rows = np.concatenate((self._rows[first : first + count], self._rows[: max(0, first + count - self.capacity)]))
-        _give_back(self._counters, head)
+        _give_back(self._counters, tail + np.uint64(count))
         return rows
 
     @property

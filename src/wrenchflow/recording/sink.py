@@ -3,8 +3,7 @@
 import os
 import struct
 import zlib
-from collections.abc import Iterable, Mapping
-from itertools import groupby
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +30,6 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 from wrenchflow import __version__, messages
 from wrenchflow.errors import OutputError
 from wrenchflow.recording.compression import compressor
-
-_SUMMARY_OPCODES = {
-    Schema: Opcode.SCHEMA,
-    Channel: Opcode.CHANNEL,
-    Statistics: Opcode.STATISTICS,
-    ChunkIndex: Opcode.CHUNK_INDEX,
-    AttachmentIndex: Opcode.ATTACHMENT_INDEX,
-    MetadataIndex: Opcode.METADATA_INDEX,
-}
 
 
 class Sink:
@@ -70,7 +60,8 @@ class Sink:
         self._definitions: list[Schema | Channel] = []
         self._metadata: list[MetadataIndex] = []
         self._attachments: list[AttachmentIndex] = []
-        self._chunks: list[ChunkIndex] = []
+        self._chunks = bytearray()  # Their index records as bytes: a long recording has many.
+        self._n_chunks, self._start_ns, self._stop_ns = 0, 0, 0
         self._counts: dict[int, int] = {}
         self._compression, self._compress = compression, compressor(compression)
         try:
@@ -167,7 +158,7 @@ class Sink:
             index_records += rows.astype("<u8", copy=False).tobytes()
             self._counts[channel] = self._counts.get(channel, 0) + len(rows)
         self._append(index_records)
-        self._chunks.append(
+        self._chunks += _bytes(
             ChunkIndex(
                 chunk_length=index_offset - chunk_offset,
                 chunk_start_offset=chunk_offset,
@@ -180,6 +171,9 @@ class Sink:
                 uncompressed_size=size,
             )
         )
+        self._start_ns = start_ns if not self._n_chunks else min(self._start_ns, start_ns)
+        self._stop_ns = max(self._stop_ns, stop_ns)
+        self._n_chunks += 1
         # What Python still buffers would be lost with the process.
         self._flush()
 
@@ -197,10 +191,10 @@ class Sink:
         start = self._offset
         content = bytearray()
         groups = []
-        for kind, records in groupby(self._summary(), type):
-            first = len(content)
-            content += b"".join(map(_bytes, records))
-            groups.append(SummaryOffset(_SUMMARY_OPCODES[kind], start + first, len(content) - first))
+        for opcode, records in self._summary():
+            if records:
+                groups.append(SummaryOffset(opcode, start + len(content), len(records)))
+                content += records
         offsets_start = start + len(content)
         content += b"".join(map(_bytes, groups))
         # The checksum covers the footer up to itself.
@@ -226,21 +220,27 @@ class Sink:
         except OSError as error:
             raise self._cannot_write(error) from error
 
-    def _summary(self) -> Iterable[McapRecord]:
+    def _summary(self) -> Iterator[tuple[Opcode, bytes | bytearray]]:
+        """The records of the summary, by kind."""
         schemas = [record for record in self._definitions if isinstance(record, Schema)]
         channels = [record for record in self._definitions if isinstance(record, Channel)]
         statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(channels),
             channel_message_counts={channel.id: self._counts.get(channel.id, 0) for channel in channels},
-            chunk_count=len(self._chunks),
+            chunk_count=self._n_chunks,
             message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=self._stop_ns,
+            message_start_time=self._start_ns,
             metadata_count=len(self._metadata),
             schema_count=len(schemas),
         )
-        return [*schemas, *channels, statistics, *self._chunks, *self._attachments, *self._metadata]
+        yield Opcode.SCHEMA, b"".join(map(_bytes, schemas))
+        yield Opcode.CHANNEL, b"".join(map(_bytes, channels))
+        yield Opcode.STATISTICS, _bytes(statistics)
+        yield Opcode.CHUNK_INDEX, self._chunks
+        yield Opcode.ATTACHMENT_INDEX, b"".join(map(_bytes, self._attachments))
+        yield Opcode.METADATA_INDEX, b"".join(map(_bytes, self._metadata))
 
     def _flush(self) -> None:
         try:
