@@ -3,8 +3,7 @@
 uv run python benchmarks/recording_call.py [SECONDS] [RUNS]
 
 Each run records all low-dimensional topics of the simulated arm, and two cameras of 224 x 224 at 30 Hz, which are
-drawn and compressed in a process of their own; to the call belongs that the loop says what the scene looks like. Beside
-it, an empty call is timed in the same ticks.
+drawn and compressed in a process of their own. Beside it, an empty call is timed in the same ticks.
 """
 
 import multiprocessing
@@ -19,9 +18,10 @@ import mujoco
 import numpy as np
 
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.sim_camera import SimCamera, moments, views_of
+from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recorder import Recorder
+from wrenchflow.recording.ring import TAP_ROWS, Ring
 from wrenchflow.signals import IMPEDANCE, JOINT_TORQUE, JOINTS, POSE, TWIST, WRENCH
 from wrenchflow.sim.state import looks_of, looks_size
 from wrenchflow.sim.tasks import scenery
@@ -40,7 +40,7 @@ COLUMNS = (
     Column(name="command_pose", signal=POSE, frame="base"),
     Column(name="impedance", signal=IMPEDANCE, frame="base"),
 )
-ROW = np.dtype([("t_ns", "i8"), *((column.name, "f8", (column.signal.width,)) for column in COLUMNS)], align=True)
+ROW = [("t_ns", "i8"), ("sequence", "i8"), *((column.name, "f8", (column.signal.width,)) for column in COLUMNS)]
 
 
 def nothing(row: np.ndarray) -> None:
@@ -74,20 +74,22 @@ def run(folder: Path, duration_s: float) -> Run:
     """Record for some time."""
     count = round(duration_s * 1000)
     calls, empty = np.zeros(count), np.zeros(count)
-    row, values = np.zeros(1, ROW), np.random.default_rng(0).normal(size=(64, 80))
-    source = Source(name="control", dtype=ROW, columns=COLUMNS)
+    values = np.random.default_rng(0).normal(size=(64, 80))
     config = CollectConfig(cameras=("wrist", "scene"))
     task, rig, model = scenery(config.task, config.rig)
-    views, data = views_of(config, rig), mujoco.MjData(model)
-    task.place(model, data, task.draw(model, np.random.default_rng(0)))
-    waiting = moments(looks_size(model))
-    moment = np.zeros(1, waiting.dtype)
-    camera = SimCamera(mjcf_of(task, rig), views, waiting.name)
-    path = folder / "e.mcap"
-    with Recorder(path, id="e", task="bench", sources=[source], cameras=[camera]) as recorder:
+    views, data, rng = views_of(config, rig), mujoco.MjData(model), np.random.default_rng(0)
+    task.place(model, data, task.draw(model, rng))
+    row_type = np.dtype([*ROW, ("looks", "f8", (looks_size(model),))], align=True)
+    row = np.zeros(1, row_type)
+    row["looks"] = looks_of(model, data)
+    source = Source(name="control", dtype=row_type, columns=COLUMNS)
+    tap = Ring.create(row_type, TAP_ROWS)
+    camera = SimCamera(mjcf_of(task, rig), views, tap.name, row_type)
+    path, taps = folder / "e.mcap", {source.name: tap.name}
+    with Recorder(path, id="e", task="bench", sources=[source], cameras=[camera], taps=taps) as recorder:
         push, start_ns, start_s = recorder.ring("control").push, recorder.clock.now_ns(), time.perf_counter()
         for number in range(count):
-            row["t_ns"] = start_ns + number * 1_000_000
+            row["t_ns"], row["sequence"] = start_ns + number * 1_000_000, number
             for column in COLUMNS:
                 row[column.name] = values[number % 64, : column.signal.width]
             a = time.perf_counter()
@@ -95,10 +97,6 @@ def run(folder: Path, duration_s: float) -> Run:
             b = time.perf_counter()
             push(row)
             recorder.is_alive  # noqa: B018 (what a control loop asks at each tick)
-            if number * 30 % 1000 < 30:
-                moment["t_ns"], moment["sequence"] = row["t_ns"], number * 30 // 1000
-                moment["looks"] = looks_of(model, data)
-                waiting.push(moment)
             c = time.perf_counter()
             empty[number], calls[number] = b - a, c - b
             left_s = start_s + (number + 1) * 1e-3 - c
@@ -106,11 +104,11 @@ def run(folder: Path, duration_s: float) -> Run:
                 time.sleep(left_s - 1.5e-4)
             while time.perf_counter() < start_s + (number + 1) * 1e-3:
                 pass
-    waiting.close()
-    waiting.unlink()
+    tap.close()
+    tap.unlink()
     episode = read_episode(path, ["tcp_pose"], messages=[view.frame for view in views])
     pictures = [len(messages) for messages in episode.messages.values()]
-    missing = 1.0 - sum(pictures) / (len(pictures) * np.ceil(duration_s * 30))
+    missing = 1.0 - sum(pictures) / (len(pictures) * round(duration_s * 30))
     return Run(calls, empty, count - len(episode["tcp_pose"]), missing)
 
 

@@ -2,6 +2,7 @@
 
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,14 +12,14 @@ from wrenchflow import signals
 from wrenchflow.camera import View
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import Demonstration, Session, make_operator
-from wrenchflow.collect.sim_camera import SimCamera, moments, views_of
+from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
 from wrenchflow.recording.recorder import Recorder
-from wrenchflow.recording.ring import Ring
+from wrenchflow.recording.ring import TAP_ROWS, Ring
 from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt, episode_id
 from wrenchflow.sim.row import ROW
-from wrenchflow.sim.state import looks_size
+from wrenchflow.sim.state import Looks, looks_size
 from wrenchflow.sim.streams import COLUMNS
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.source import Column, Source
@@ -71,39 +72,32 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
         def begin(attempt: Attempt) -> "_Beat":
             nonlocal beat
             known = {"operator": config.operator, "collect": to_mapping(config)}
-            ring = moments(looks_size(model))
-            stack.callback(ring.unlink)
-            stack.callback(ring.close)
-            mjcf = attempt.attachments(known)[MJCF].data.decode()
-            show = stack.enter_context(_live(name, views, attempt)) if config.live else None
+            attachments = attempt.attachments(known)
+            control, cameras, taps = CONTROL, [], {}
+            if views:
+                control = _with_looks(looks_size(model))
+                tap = Ring.create(control.dtype, TAP_ROWS)
+                stack.callback(tap.unlink)
+                stack.callback(tap.close)
+                cameras = [SimCamera(attachments[MJCF].data.decode(), views, tap.name, control.dtype)]
+                taps = {control.name: tap.name}
+            show = stack.enter_context(_live(name, control, views, attempt)) if config.live else None
             recorder = Recorder(
                 folder / f"{name}.mcap",
                 id=name,
                 task=task.name,
-                sources=[CONTROL, DEVICE, GOAL],
-                cameras=[SimCamera(mjcf, views, ring.name)] if views else [],
+                sources=[control, DEVICE, GOAL],
+                cameras=cameras,
+                taps=taps,
                 mirrors={view: ring.name for view, ring in show.pictures.items()} if show else None,
                 meta={**attempt.meta, **known},
-                attachments=attempt.attachments(known),
+                attachments=attachments,
                 compression=config.compression,
             )
-            beat = _Beat(stack.enter_context(recorder), ring, show)
+            beat = _Beat(stack.enter_context(recorder), control, Looks(attempt.plant.data) if views else None, show)
             return beat
 
-        def glance(t_ns: int, number: int, looks: np.ndarray) -> None:
-            assert beat is not None
-            beat.glance(t_ns, number, looks)
-
-        attempt = Attempt(
-            task,
-            model,
-            rig,
-            config,
-            seed=(config.seed, index, DEMONSTRATE),
-            beat=begin,
-            glance=glance if views else None,
-            glance_hz=config.camera.rate_hz,
-        )
+        attempt = Attempt(task, model, rig, config, seed=(config.seed, index, DEMONSTRATE), beat=begin)
         assert beat is not None  # An attempt begins its beat before its first tick.
         session = Session(attempt, make_operator(config.operator, config), config)
         beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
@@ -119,10 +113,16 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
         return Demonstration(id=name, samples=attempt.plant.count, outcome=attempt.outcome)
 
 
-def _live(name: str, views: tuple[View, ...], attempt: Attempt) -> "LiveView":
+def _with_looks(size: int) -> Source:
+    """The control loop's source where there are cameras: its rows also say what the scene looks like."""
+    fields = [(name, CONTROL.dtype[name]) for name in CONTROL.dtype.names or ()]
+    return replace(CONTROL, dtype=np.dtype([*fields, ("looks", "f8", (size,))], align=True))
+
+
+def _live(name: str, control: Source, views: tuple[View, ...], attempt: Attempt) -> "LiveView":
     from wrenchflow.view.live import LiveView  # Late, for not everybody has a viewer.
 
-    return LiveView(name, [CONTROL, DEVICE, GOAL], views=views, meta=attempt.meta)
+    return LiveView(name, [control, DEVICE, GOAL], views=views, meta=attempt.meta)
 
 
 class _Beat:
@@ -134,12 +134,11 @@ class _Beat:
         late: Ticks that began more than a millisecond after their time.
     """
 
-    def __init__(self, recorder: Recorder, moments: Ring, show: "LiveView | None") -> None:
+    def __init__(self, recorder: Recorder, control: Source, looks: Looks | None, show: "LiveView | None") -> None:
         self.recorder, self.offset_ns, self.late = recorder, 0, 0
-        self._show = show
+        self._looks, self._show = looks, show
         self._start_ns = self._ticks = 0
-        self._moments, self._moment = moments, np.zeros(1, moments.dtype)
-        self._rows = {source.name: np.zeros(1, source.dtype) for source in (CONTROL, DEVICE, GOAL)}
+        self._rows = {source.name: np.zeros(1, source.dtype) for source in (control, DEVICE, GOAL)}
         self._counts = dict.fromkeys(self._rows, 0)
 
     def __call__(self, rows: np.ndarray) -> None:
@@ -149,6 +148,8 @@ class _Beat:
             self._start_ns = time.monotonic_ns()
             self.offset_ns = self.recorder.clock.at_ns(self._start_ns) - int(row["t_ns"])
         self._ticks += 1
+        if self._looks is not None:
+            self._looks.into(self._rows[CONTROL.name]["looks"][0])
         self.store(CONTROL, int(row["t_ns"]), **{column.name: row[column.name] for column in COLUMNS})
         self._wait(self._start_ns + self._ticks * TICK_NS)
 
@@ -164,12 +165,6 @@ class _Beat:
         self.recorder.push(source.name, row)
         if self._show is not None:
             self._show.push(source.name, row)
-
-    def glance(self, t_ns: int, number: int, looks: np.ndarray) -> None:
-        """Let the cameras draw what the scene looks like at `t_ns` of virtual time."""
-        row = self._moment[0]
-        row["t_ns"], row["sequence"], row["looks"] = t_ns + self.offset_ns, number, looks
-        self._moments.push(self._moment)
 
     def _wait(self, until_ns: int) -> None:
         left_ns = until_ns - time.monotonic_ns()

@@ -10,15 +10,16 @@ import numpy as np
 from wrenchflow.camera import Picture, View
 from wrenchflow.clock import Clock
 from wrenchflow.collect.config import CollectConfig
+from wrenchflow.control.controller import TICK_NS
 from wrenchflow.errors import CameraError
 from wrenchflow.messages import Messages
 from wrenchflow.recording.images import image_messages, jpeg
-from wrenchflow.recording.ring import Ring
+from wrenchflow.recording.ring import TAP_ROWS, Ring
 from wrenchflow.rig import Rig
+from wrenchflow.sim.attempt import picture_at
 from wrenchflow.sim.gl import PACKAGES, find_gl
 from wrenchflow.sim.render import Renderer
 
-_WAITING = 8  # Moments that wait to be drawn, at most.
 _NAP_S = 0.002
 _WAIT_S = 0.1
 
@@ -64,17 +65,21 @@ def _renderer(mjcf: str, view: View) -> Renderer:
 
 
 class SimCamera:
-    """Draws all views of a scene whenever a moment of it comes through a ring; a `Camera`."""
+    """Draws all views of a scene at their rate, from the rows of the control loop; a `Camera`.
 
-    def __init__(self, mjcf: str, views: tuple[View, ...], ring: str) -> None:
-        """Say what to draw, and whence the moments come.
+    A row says in `looks` what the scene looks like after its tick, and in `sequence` how many ticks came before.
+    """
+
+    def __init__(self, mjcf: str, views: tuple[View, ...], ring: str, row: np.dtype) -> None:
+        """Say what to draw, and whence the rows come.
 
         Args:
             mjcf: The model.
-            views: Of one size.
-            ring: Name of the ring that `moments` made.
+            views: Of one size and one rate.
+            ring: Name of a ring that the recorder's writer fills: of a tap.
+            row: Of the rows in it.
         """
-        self._mjcf, self._views, self._ring_name = mjcf, views, ring
+        self._mjcf, self._views, self._ring_name, self._row = mjcf, views, ring, row
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -86,15 +91,17 @@ class SimCamera:
         self._renderer = _renderer(self._mjcf, self._views[0])
         for view in self._views:
             self._renderer.draw(view.name)
-        self._ring = Ring.attach(self._ring_name, _moment(self._renderer.looks_size), _WAITING)
+        self._ring = Ring.attach(self._ring_name, self._row, TAP_ROWS)
 
     def take(self) -> Iterator[Picture]:
-        """Every view of every moment that waits."""
+        """Every view of every moment that waits and is due."""
         until_s = time.monotonic() + _WAIT_S
         while len(rows := self._ring.take()) == 0 and time.monotonic() < until_s:
             time.sleep(_NAP_S)
         for row in rows:
-            yield from _draw(self._renderer, self._views, int(row["t_ns"]), int(row["sequence"]), row["looks"])
+            number = picture_at(int(row["sequence"]) + 1, self._views[0].rate_hz)
+            if number is not None:
+                yield from _draw(self._renderer, self._views, int(row["t_ns"]) + TICK_NS, number, row["looks"])
 
     def close(self) -> None:
         """Let go of the context and the ring."""
@@ -103,19 +110,10 @@ class SimCamera:
             self._ring.close()
 
 
-def _moment(looks_size: int) -> np.dtype:
-    return np.dtype([("t_ns", "i8"), ("sequence", "i8"), ("looks", "f8", (looks_size,))])
-
-
-def moments(looks_size: int) -> Ring:
-    """A ring for moments of a scene: when, which, and what it looks like."""
-    return Ring.create(_moment(looks_size), _WAITING)
-
-
-def _draw(renderer: Renderer, views: Iterable[View], t_ns: int, sequence: int, looks: np.ndarray) -> Iterator[Picture]:
+def _draw(renderer: Renderer, views: Iterable[View], t_ns: int, number: int, looks: np.ndarray) -> Iterator[Picture]:
     renderer.set(looks)
     for view in views:
-        yield Picture(view.name, t_ns, sequence, renderer.draw(view.name))
+        yield Picture(view.name, t_ns, number, renderer.draw(view.name))
 
 
 class Album:

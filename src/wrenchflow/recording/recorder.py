@@ -52,6 +52,7 @@ class Recorder:
         sources: Sequence[Source],
         cameras: Sequence[Camera] = (),
         mirrors: Mapping[str, str] | None = None,
+        taps: Mapping[str, str] | None = None,
         meta: Mapping[str, Any] | None = None,
         attachments: Mapping[str, Attachment] | None = None,
         compression: str = "zstd",
@@ -65,6 +66,8 @@ class Recorder:
             sources: What will be recorded.
             cameras: Each gets a process of its own, and its pictures come by themselves.
             mirrors: Name of another ring, by view, that gets the pictures too: of `LiveView.pictures`, for one.
+            taps: Name of a ring of `TAP_ROWS` rows, by source, that gets its rows too, from the writer: for who looks
+                at what is recorded while it happens, without a cost to the loop.
             meta: JSON values that are known at the start.
             attachments: Files that the recording carries, by name.
             compression: Of the chunks: zstd, lz4 or none.
@@ -92,6 +95,7 @@ class Recorder:
             compression=compression,
             sources=tuple(sources),
             views=views,
+            taps=dict(taps or {}),
             rings=tuple(ring.name for ring in (*self._rings.values(), *pictures, self._events)),
             clock=self.clock,
             attachments=dict(attachments or {}),

@@ -97,6 +97,9 @@ def _reserve(size: int) -> SharedMemory:
     return memory
 
 
+TAP_ROWS = 512  # Rows that wait at most for who looks at what is recorded.
+
+
 class Ring:
     """One end of a ring; `create` makes it, `attach` opens it in the other process.
 

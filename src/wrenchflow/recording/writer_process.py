@@ -28,7 +28,7 @@ from wrenchflow.recording.camera_process import PICTURES_WAITING
 from wrenchflow.recording.file_format import CLOCK_SYNC
 from wrenchflow.recording.images import image_messages
 from wrenchflow.recording.regularity import Regularity
-from wrenchflow.recording.ring import Ring
+from wrenchflow.recording.ring import TAP_ROWS, Ring
 from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.source import OFFSET, RECEIVED, SEQUENCE, Source, T, samples_of
 
@@ -54,6 +54,7 @@ class Job:
         compression: Of the chunks.
         sources: What is recorded.
         views: What cameras see.
+        taps: Name of a ring, by source, that gets the source's rows too.
         rings: Name of each source's ring, then of each view's, then that of the events.
         clock: That all stamps are of.
         attachments: Files that the recording carries.
@@ -66,6 +67,7 @@ class Job:
     compression: str
     sources: tuple[Source, ...]
     views: tuple[View, ...]
+    taps: Mapping[str, str]
     rings: tuple[str, ...]
     clock: Clock
     attachments: Mapping[str, Attachment]
@@ -132,6 +134,11 @@ class _Writing:
         kinds.append((EVENT, EVENT_CAPACITY))
         rings = [Ring.attach(name, *kind) for name, kind in zip(job.rings, kinds, strict=True)]
         self._rings = rings
+        self._taps = {
+            source.name: Ring.attach(job.taps[source.name], source.dtype, TAP_ROWS)
+            for source in job.sources
+            if source.name in job.taps
+        }
         self._sources = list(zip(job.sources, rings, strict=False))
         self._views = list(zip(job.views, rings[len(job.sources) :], strict=False))
         self._events = rings[-1]
@@ -195,6 +202,9 @@ class _Writing:
         return max(newest_ns, int(rows[T][-1]))
 
     def _write(self, source: Source, rows: np.ndarray) -> None:
+        if source.name in self._taps:
+            for number in range(len(rows)):
+                self._taps[source.name].push(rows[number : number + 1])
         count = self._counts[source.name]
         count.see(rows)
         for column in source.columns:
@@ -239,6 +249,8 @@ class _Writing:
         """Let go of file and rings; where whoever made the rings is no more, they end with us."""
         with suppress(OutputError):  # What kept us from finishing was told, and may keep us from closing.
             self._writer.close()
+        for tap in self._taps.values():
+            tap.close()
         for ring in self._rings:
             ring.close()
             if unlink:

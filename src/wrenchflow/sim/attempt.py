@@ -111,7 +111,7 @@ class Attempt:
             if self._glance is None:
                 self._tick(stop - self.plant.count)
                 continue
-            due = math.ceil((self._glances + 1) / self._glance_hz / TICK_S)
+            due = tick_of_picture(self._glances, self._glance_hz)
             self._tick(min(due, stop) - self.plant.count)
             if self.plant.count == due:
                 now_ns = int(self.plant.recorded["t_ns"][-1]) + TICK_NS
@@ -224,6 +224,19 @@ class Attempt:
 
 def _json(values: Any) -> Attachment:
     return Attachment(data=(json.dumps(values, indent=2) + "\n").encode(), media_type="application/json")
+
+
+def tick_of_picture(number: int, rate_hz: float) -> int:
+    """After how many ticks a picture is taken; picture 0 is taken a period after the start."""
+    return math.ceil((number + 1) / rate_hz / TICK_S)
+
+
+def picture_at(tick: int, rate_hz: float) -> int | None:
+    """The picture that is taken after `tick` ticks, or None."""
+    near = round(tick * TICK_S * rate_hz) - 1
+    return next(
+        (number for number in (near, near + 1) if number >= 0 and tick_of_picture(number, rate_hz) == tick), None
+    )
 
 
 def generators(seed: Sequence[int]) -> list[np.random.Generator]:

@@ -55,6 +55,18 @@ def looks_of(model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, " 
     return _get(model, data, _LOOKS)
 
 
+class Looks:
+    """What a scene looks like, again and again, for a loop that has no time: numbers, copied from where they lie."""
+
+    def __init__(self, data: mujoco.MjData) -> None:
+        """Find the numbers; they stay where they are as long as the simulation does."""
+        self._parts = (data.qpos, data.mocap_pos.reshape(-1), data.mocap_quat.reshape(-1))
+
+    def into(self, looks: Float[np.ndarray, " n"]) -> None:
+        """Write what `looks_of` would return."""
+        np.concatenate(self._parts, out=looks)
+
+
 def looks_size(model: mujoco.MjModel) -> int:
     """How many numbers `looks_of` returns."""
     return mujoco.mj_stateSize(model, _LOOKS)
