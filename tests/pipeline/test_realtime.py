@@ -84,9 +84,7 @@ def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
     config = replace(CONFIG, live=True, realtime=False, cameras=cameras)
 
     def to_a_file(name, control, views, attempt):
-        return LiveView(
-            name, [realtime.CONTROL, realtime.DEVICE, realtime.GOAL], views=views, meta=attempt.meta, save=shown
-        )
+        return LiveView(name, [control, realtime.DEVICE, realtime.GOAL], views=views, meta=attempt.meta, save=shown)
 
     monkeypatch.setattr(realtime, "_live", to_a_file)
     with unchecked():
