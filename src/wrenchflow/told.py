@@ -60,7 +60,8 @@ def doctor_lines(found: Mapping[str, Any]) -> list[str]:
         lines.append(f"{check['state']:<7}  {check['name']:<{width}}  {said[0]}")
         lines += [" " * (width + 11) + line for line in said[1:]]
     counts = Counter(check["state"] for check in checks)
-    told = f"{counts['ok']} ok, {counts['warning']} warnings, {counts['missing']} missing"
+    warnings = f"{counts['warning']} warning{'' if counts['warning'] == 1 else 's'}"
+    told = f"{counts['ok']} ok, {warnings}, {counts['missing']} missing"
     stops = [check["name"] for check in checks if check["essential"] and check["state"] == "missing"]
     verdict = f"Not ready to record: {', '.join(stops)}." if stops else "Ready to record: nothing essential is missing."
     return [*lines, "", f"{verdict} {told}."]
@@ -98,6 +99,7 @@ def recording_lines(found: Mapping[str, Any]) -> list[str]:
             for name, of in recorded.items()
         ]
         problems = [of["problem"] for of in recorded.values() if "problem" in of]
+        lines.append("(rates and pauses above are of when messages were received; below, of when they were sampled)")
         lines += ["", *_table("recorded from", "rows|missing|dropped|gaps|longest pause|jitter", sources), *problems]
     if found["attachments"]:
         attached = [(name, of["media_type"] or "-", of["size_bytes"]) for name, of in found["attachments"].items()]

@@ -1,4 +1,4 @@
-"""The example in docs/recording.md runs, and prints what the page says that it prints."""
+"""The example in docs/recording.md runs, with all that is read there, and prints what the page says."""
 
 import os
 import re
@@ -14,7 +14,9 @@ SOURCES = Path(wrenchflow.__file__).parents[1]
 
 def test_the_example_prints_what_the_page_says(tmp_path):
     page = PAGE.read_text()
-    program, reading = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    blocks = r"```python\n(.*?)```"
+    program = re.findall(blocks, page, re.DOTALL)[0]
+    reading = "".join(re.findall(blocks, page.partition("## Reading")[2], re.DOTALL))
     (printed,) = re.findall(r"It prints\n\n((?:    .*\n)+)", page)
     within = "\n".join("    " + line if line else "" for line in reading.splitlines())
     program = program.replace("\n\nif __name__", f"\n{within}\n\n\nif __name__")
