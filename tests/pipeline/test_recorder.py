@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from wrenchflow.errors import ConfigError, OutputError, StreamError
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.recover import recover
+from wrenchflow.recording.ring import Ring
 from wrenchflow.recording.validate import validate
 from wrenchflow.signals import FORCE, POSE, WRENCH
 from wrenchflow.source import Column, Source
@@ -157,6 +159,22 @@ def test_the_control_processs_death_leaves_a_whole_file_that_says_so(tmp_path):
     assert len(episode["pose"]) == 800
     np.testing.assert_array_equal(episode["pose"].data, sent(800)["pose"])
     assert episode.meta["result"] == {"success": False, "failure": "the control process died"}
+
+
+def test_where_a_ring_finds_no_room_the_others_are_given_back(tmp_path, monkeypatch):
+    made, create = [], Ring.create
+
+    def one_only(dtype, capacity):
+        if made:
+            raise OutputError("shared memory has no room.")
+        made.append(create(dtype, capacity))
+        return made[0]
+
+    monkeypatch.setattr(Ring, "create", one_only)
+    with pytest.raises(OutputError, match="no room"):
+        record(tmp_path / "e.mcap")
+    with pytest.raises(FileNotFoundError):
+        SharedMemory(made[0].name)
 
 
 def test_an_exception_in_the_loop_is_written_down(tmp_path):

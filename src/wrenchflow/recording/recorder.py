@@ -4,7 +4,7 @@ import multiprocessing
 import select
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from multiprocessing.connection import wait
 from pathlib import Path
 from types import TracebackType
@@ -82,9 +82,16 @@ class Recorder:
         if len(set(names)) != len(names):
             raise StreamError(f"sources and cameras need names of their own, got {', '.join(names)}.")
         self.path, self.clock = path, Clock.start()
-        self._rings = {source.name: Ring.create(source.dtype, source.capacity) for source in sources}
-        self._events = Ring.create(EVENT, EVENT_CAPACITY)
-        self._cameras = [CameraProcess(camera, self.clock, mirrors or {}) for camera in cameras]
+        self._rings: dict[str, Ring] = {}
+        self._cameras: list[CameraProcess] = []
+        with ExitStack() as undo:  # Where there is no room for one of them, the others go.
+            for source in sources:
+                self._rings[source.name] = _made(Ring.create(source.dtype, source.capacity), undo)
+            self._events = _made(Ring.create(EVENT, EVENT_CAPACITY), undo)
+            for camera in cameras:
+                self._cameras.append(CameraProcess(camera, self.clock, mirrors or {}))
+                undo.callback(self._cameras[-1].release)
+            undo.pop_all()
         pictures = [ring for camera in self._cameras for ring in camera.rings]
         known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
         job = Job(
@@ -225,3 +232,9 @@ class Recorder:
         for ring in (*self._rings.values(), self._events):
             ring.close()
             ring.unlink()
+
+
+def _made(ring: Ring, undo: ExitStack) -> Ring:
+    undo.callback(ring.unlink)
+    undo.callback(ring.close)
+    return ring
