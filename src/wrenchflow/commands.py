@@ -117,12 +117,16 @@ class Collect(Stage):
 
         collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
         done = watch("collect", collecting, self.config.episodes)
-        return {
+        told: dict[str, Any] = {
             "episodes": len(done),
             "samples": sum(demonstration.samples for demonstration in done),
             "successes": sum(demonstration.outcome.success for demonstration in done),
-            "out": str(self.out),
         }
+        if self.config.realtime or self.config.live:
+            told["late_ticks"] = sum(demonstration.late_ticks for demonstration in done)
+            told["lost"] = sum(demonstration.lost for demonstration in done)
+            told["problems"] = [problem for demonstration in done for problem in demonstration.problems] or None
+        return told | {"out": str(self.out)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,7 @@ from wrenchflow import __version__
 from wrenchflow.config import to_mapping
 from wrenchflow.errors import OutputError, RecordingError
 
+KEEP = ".keep"  # In a folder that is being written: what is in it cannot be made again.
 NAME = "manifest.json"
 _RECORDED_PACKAGES = ("numpy", "scipy", "numba", "mujoco", "mcap", "h5py", "pyarrow", "torch", "diffusers")
 
@@ -100,13 +101,15 @@ def output_folder(
         The folder to write into. After an error or Ctrl-C it stays behind under its `.partial` name.
 
     Raises:
-        OutputError: If `path` exists and may not be replaced, cannot be made, or is being written by another run.
+        OutputError: If `path` exists and may not be replaced, cannot be made, or is being written by another run, or if
+            an interrupted run left there what cannot be made again, which a file called `KEEP` says.
     """
     target = path.resolve()
     _require_replaceable(path, target, overwrite, reads, mark)
     partial = target.with_name(target.name + ".partial")
-    with _held(path, partial):
+    with _held(path, partial, overwrite=overwrite):
         yield partial
+        (partial / KEEP).unlink(missing_ok=True)
         if target.exists():
             # Set aside, not removed, until the new one stands in its place.
             aside = target.with_name(target.name + ".replaced")
@@ -133,7 +136,7 @@ def _require_replaceable(path: Path, target: Path, overwrite: bool, reads: Itera
 
 
 @contextmanager
-def _held(path: Path, partial: Path) -> Iterator[None]:
+def _held(path: Path, partial: Path, *, overwrite: bool) -> Iterator[None]:
     """Make the partial folder anew, and hold it, so that two runs never write into one."""
     try:
         partial.mkdir(parents=True, exist_ok=True)
@@ -145,6 +148,11 @@ def _held(path: Path, partial: Path) -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise OutputError(f"output '{path}' is being written by another run. Choose another place.") from error
+        if not overwrite and (partial / KEEP).exists() and any(partial.glob("*.mcap*")):
+            raise OutputError(
+                f"'{partial}' holds what an interrupted run recorded, which cannot be recorded again. Move it away, or "
+                "pass --overwrite."
+            )
         for left in partial.iterdir():  # What an earlier run left behind; the folder itself carries the lock.
             if left.is_dir() and not left.is_symlink():
                 shutil.rmtree(left)

@@ -278,6 +278,16 @@ def test_where_nothing_can_be_drawn_collection_goes_on_without_and_says_so_once(
     assert not read_episode(tmp_path / "raw" / f"{done[0].id}.mcap").messages
 
 
+@pytest.mark.parametrize("way", ["osmesa", "egl", "nonsense"])
+def test_a_way_to_draw_that_does_not_work_stops_nobody_who_draws_nothing(tmp_path, way):
+    """MuJoCo itself ends at its import where MUJOCO_GL names a library that is not there."""
+    code = "from wrenchflow.sim.tasks import scenery; print(scenery('peg-insertion', 'panda_peg')[2].nq)"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env={**os.environ, "MUJOCO_GL": way}
+    )
+    assert (ran.returncode, ran.stdout) == (0, "7\n"), ran.stderr
+
+
 def test_a_camera_that_the_rig_does_not_have_is_named(rig):
     with pytest.raises(ConfigError, match=r"unknown camera 'wirst'. Did you mean 'wrist'\? Available: scene, wrist"):
         rig.camera("wirst")

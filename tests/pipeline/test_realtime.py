@@ -103,3 +103,24 @@ def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
         data = {image.t_ns: bytes(image.data) for image in images_of(recorded)}
         assert len(t) > 3
         assert all(bytes(picture[0]) == data[stamp] for stamp, picture in zip(t.tolist(), pictures, strict=True))
+
+
+def test_what_an_interrupted_run_recorded_is_not_done_away_with(tmp_path, monkeypatch, unchecked):
+    def interrupted(index, config, folder):
+        if index == 1:
+            raise KeyboardInterrupt
+        (folder / "0000.mcap").write_text("a demonstration")
+        return "done"
+
+    monkeypatch.setattr(realtime, "demonstrate_in_real_time", interrupted)
+    with unchecked():
+        with pytest.raises(KeyboardInterrupt):
+            list(collect_folder(tmp_path / "raw", replace(CONFIG, episodes=2)))
+        kept = tmp_path / "raw.partial" / "0000.mcap"
+        for config in (CONFIG, replace(CONFIG, realtime=False)):
+            with pytest.raises(OutputError, match=r"raw\.partial' holds what an interrupted run recorded"):
+                list(collect_folder(tmp_path / "raw", config))
+        assert kept.read_text() == "a demonstration"
+        list(collect_folder(tmp_path / "raw", CONFIG, overwrite=True))
+    assert not kept.exists()
+    assert sorted(entry.name for entry in (tmp_path / "raw").iterdir()) == ["0000.mcap", "manifest.json"]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from wrenchflow.episode import Event
-from wrenchflow.errors import ConfigError, OutputError, StreamError
+from wrenchflow.errors import ConfigError, OutputError, RecordingError, StreamError
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.recover import recover
@@ -159,6 +159,17 @@ def test_the_control_processs_death_leaves_a_whole_file_that_says_so(tmp_path):
     assert len(episode["pose"]) == 800
     np.testing.assert_array_equal(episode["pose"].data, sent(800)["pose"])
     assert episode.meta["result"] == {"success": False, "failure": "the control process died"}
+
+
+def test_a_file_that_is_being_written_is_not_recovered(tmp_path):
+    path, partial = tmp_path / "e.mcap", tmp_path / "e.mcap.partial"
+    with record(path) as recorder:
+        store(recorder, sent(300))
+        with pytest.raises(RecordingError, match="is being written right now"):
+            recover(partial, tmp_path / "saved.mcap")
+        recorded = recorder.finish()
+    assert recorded["control"]["rows"] == 300
+    assert [entry.name for entry in tmp_path.iterdir()] == ["e.mcap"]
 
 
 def test_where_a_ring_finds_no_room_the_others_are_given_back(tmp_path, monkeypatch):

@@ -187,7 +187,7 @@ def test_shared_memory_that_is_too_small_is_told():
         pytest.skip("this machine lets us mount nothing")
     check = shared_memory(*small)
     assert (check["state"], check["essential"]) == ("missing", True)
-    assert "shared memory has no room for a ring" in check["found"]
+    assert "can be made in shared memory" in check["found"]
     assert "no space left on device" in check["found"]
 
 

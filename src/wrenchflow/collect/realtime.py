@@ -1,5 +1,6 @@
 """A demonstration in real time: ticks by the clock, and every row to the recorder while it happens."""
 
+import logging
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -15,6 +16,7 @@ from wrenchflow.collect.session import Demonstration, Session, make_operator
 from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
+from wrenchflow.errors import OutputError
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import TAP_ROWS, Ring
 from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt, episode_id
@@ -81,7 +83,9 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
                 stack.callback(tap.close)
                 cameras = [SimCamera(attachments[MJCF].data.decode(), views, tap.name, control.dtype)]
                 taps = {control.name: tap.name}
-            show = stack.enter_context(_live(name, control, views, attempt)) if config.live else None
+            show = _live(name, control, views, attempt) if config.live else None
+            if show is not None:
+                stack.enter_context(show)
             recorder = Recorder(
                 folder / f"{name}.mcap",
                 id=name,
@@ -109,8 +113,16 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
             attempt.advance(attempt.target_pose, _HOLD_TICKS)
         for event in sorted((*attempt.events, *session.phases())):
             beat.recorder.event(event.moved(beat.offset_ns))
-        beat.recorder.finish({**to_mapping(attempt.outcome), "late_ticks": beat.late})
-        return Demonstration(id=name, samples=attempt.plant.count, outcome=attempt.outcome)
+        recorded = beat.recorder.finish({**to_mapping(attempt.outcome), "late_ticks": beat.late})
+        problems = [of["problem"] for of in recorded.values() if "problem" in of]
+        return Demonstration(
+            id=name,
+            samples=attempt.plant.count,
+            outcome=attempt.outcome,
+            late_ticks=beat.late,
+            lost=sum(of["dropped"] + of.get("missing", 0) for of in recorded.values()),
+            problems=tuple(dict.fromkeys(problems)),
+        )
 
 
 def _with_looks(size: int) -> Source:
@@ -119,10 +131,15 @@ def _with_looks(size: int) -> Source:
     return replace(CONTROL, dtype=np.dtype([*fields, ("looks", "f8", (size,))], align=True))
 
 
-def _live(name: str, control: Source, views: tuple[View, ...], attempt: Attempt) -> "LiveView":
+def _live(name: str, control: Source, views: tuple[View, ...], attempt: Attempt) -> "LiveView | None":
+    """A live view, or None, which is said, where there is none to be had: a demonstration does not wait for it."""
     from wrenchflow.view.live import LiveView  # Late, for not everybody has a viewer.
 
-    return LiveView(name, [control, DEVICE, GOAL], views=views, meta=attempt.meta)
+    try:
+        return LiveView(name, [control, DEVICE, GOAL], views=views, meta=attempt.meta)
+    except OutputError as error:
+        logging.getLogger("wrenchflow").warning("recorded without a live view: %s", error)
+        return None
 
 
 class _Beat:

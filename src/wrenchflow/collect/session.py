@@ -20,7 +20,7 @@ from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.filtering import window_mean
-from wrenchflow.manifest import output_folder, write_manifest
+from wrenchflow.manifest import KEEP, output_folder, write_manifest
 from wrenchflow.observation import MEAN_NS
 from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.write import write_episode
@@ -35,11 +35,23 @@ OPERATORS = ("scripted", "blind-spiral")
 
 @dataclass(frozen=True, kw_only=True)
 class Demonstration:
-    """What became of one recorded attempt."""
+    """What became of one recorded attempt.
+
+    Attributes:
+        id: Of the episode.
+        samples: At 1 kHz.
+        outcome: Done or not.
+        late_ticks: Of those that go by the clock, how many began more than a millisecond late.
+        lost: Rows that found no room, and rows and pictures that were never taken.
+        problems: What went wrong with cameras.
+    """
 
     id: str
     samples: int
     outcome: Outcome
+    late_ticks: int = 0
+    lost: int = 0
+    problems: tuple[str, ...] = ()
 
 
 def make_operator(name: str, config: CollectConfig) -> Operator:
@@ -204,6 +216,7 @@ def collect_folder(
         if config.realtime or config.live:
             from wrenchflow.collect.realtime import demonstrate_in_real_time
 
+            (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
             # One after the other: what runs by the clock shares a core with nothing.
             yield from (demonstrate_in_real_time(index, config, folder) for index in range(config.episodes))
         else:

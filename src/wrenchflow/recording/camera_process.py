@@ -121,6 +121,7 @@ def _run(job: _Job, control: Connection) -> None:
     said = f"the process of camera '{', '.join(feeds)}' ended by itself."
     try:
         job.camera.open(job.clock)
+        jpeg(np.zeros((8, 8, 3), np.uint8))  # What it takes is loaded now, and not while pictures wait.
         control.send("")
         control.recv()  # A picture that is taken before somebody writes would find its ring full.
         while not wait([control, parent.sentinel], 0):

@@ -177,39 +177,43 @@ class Recorder:
         """Rows that found their ring full."""
         return sum(ring.dropped for ring in self._rings.values())
 
-    def finish(self, result: Any = None) -> None:
+    def finish(self, result: Any = None) -> dict[str, Any]:
         """Let the writer write all that waits, and complete the file.
 
         Args:
             result: A JSON value that says what came of the episode.
 
+        Returns:
+            What the file says of each source and view: rows, missing numbers, drops, gaps, jitter, and problems.
+
         Raises:
             OutputError: If the writer died or could not write; what is on the disk stays `.partial`.
         """
         if self._finished:
-            return
+            return {}
         try:
             problems = {name: said for camera in self._cameras for name, said in camera.stop().items()}
             with suppress(OSError):  # A writer that has gone may have said why: that is read below.
                 self._control.send(({} if result is None else result, problems))
-            self._expect("finish", _FINISH_S)
+            recorded = self._expect("finish", _FINISH_S)
             self._is_done = True
+            return recorded
         finally:
             self._release()
 
-    def _expect(self, what: str, patience_s: float) -> None:
+    def _expect(self, what: str, patience_s: float) -> dict[str, Any]:
         ready = wait([self._control, self._process.sentinel], patience_s)
         if self._control in ready:
             try:
                 said = self._control.recv()
             except (EOFError, OSError) as error:
                 raise self._lost() from error
-            if said:
-                raise OutputError(said)
-        elif ready:
+            if isinstance(said, dict):
+                return said
+            raise OutputError(said)
+        if ready:
             raise self._lost()
-        else:
-            raise OutputError(f"the writer of {self.path} did not {what} within {patience_s:g} s.")
+        raise OutputError(f"the writer of {self.path} did not {what} within {patience_s:g} s.")
 
     def _lost(self) -> OutputError:
         partial = self.path.with_name(self.path.name + ".partial")

@@ -5,6 +5,7 @@ are, after a look at their checksum; of a chunk that was cut off, every message 
 bytes were changed, none is. The summary is made anew.
 """
 
+import fcntl
 import json
 import struct
 import zlib
@@ -62,11 +63,13 @@ def recover(path: Path, out: Path) -> Recovery:
         out: The new file.
 
     Raises:
-        RecordingError: If the file is missing or is not MCAP, or nothing can be saved, not even which topics it has.
+        RecordingError: If the file is missing, is not MCAP or is being written right now, or nothing can be saved, not
+            even which topics it has.
         OutputError: If `out` is there already, or would take the place of `path`.
     """
     if out.with_name(out.name + ".partial").resolve() == path.resolve():
         raise OutputError(f"output '{out}' is written through '{path.name}', which is to be recovered. Choose another.")
+    _require_unwritten(path)
     data = _open(path)
     salvage = _Salvage(path, data, out)
     try:
@@ -313,6 +316,17 @@ def _index(messages: list[_Message]) -> dict[int, UInt64[np.ndarray, "n 2"]]:
     for message in messages:
         rows.setdefault(message.channel, []).append((message.log_time, message.start))
     return {channel: np.array(places, np.uint64) for channel, places in rows.items()}
+
+
+def _require_unwritten(path: Path) -> None:
+    """Refuse a file that somebody is writing: what is missing of it is still to come."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise RecordingError(f"{path} is being written right now; wait until its recording has ended.") from error
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
 
 
 def _open(path: Path) -> memoryview:

@@ -93,7 +93,7 @@ def _reserve(size: int) -> SharedMemory:
             memory.close()
             memory.unlink()
         why = (error.strerror or str(error)).lower()
-        raise OutputError(f"shared memory has no room for a ring of {size} bytes: {why}.") from error
+        raise OutputError(f"no ring of {size} bytes can be made in shared memory: {why}.") from error
     return memory
 
 

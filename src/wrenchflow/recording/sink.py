@@ -1,5 +1,6 @@
 """The writing end of an MCAP file: records, chunks, checksums and summary; `.partial` until it is complete."""
 
+import fcntl
 import os
 import struct
 import zlib
@@ -66,6 +67,7 @@ class Sink:
         self._compression, self._compress = compression, compressor(compression)
         try:
             self._file = self._partial.open("wb")
+            fcntl.flock(self._file, fcntl.LOCK_SH)  # As long as we live: `recover` then knows better than to touch it.
         except OSError as error:
             raise self._cannot_write(error) from error
         self._append(MAGIC)

@@ -85,7 +85,7 @@ def run_writer(job: Job, control: Connection) -> None:
         return
     try:
         writing.drain()  # Nothing is there yet, but what it takes is compiled now, and not while rows wait.
-        control.send("")  # Ready.
+        control.send({})  # Ready.
         end: _End | None = None
         is_behind = False
         while end is None:
@@ -95,8 +95,7 @@ def run_writer(job: Job, control: Connection) -> None:
             elif ready:
                 end = _DIED
             is_behind = writing.drain()
-        writing.finish(*end)
-        _send(control, "")
+        _send(control, writing.finish(*end))
     except (WrenchflowError, OSError) as error:
         _send(control, str(error))
     finally:
@@ -118,9 +117,10 @@ def _receive(control: Connection) -> _End:
         return _DIED
 
 
-def _send(control: Connection, text: str) -> None:
+def _send(control: Connection, said: str | dict[str, Any]) -> None:
+    """Say what went wrong, or what was recorded."""
     try:
-        control.send(text)
+        control.send(said)
     except OSError:
         return  # Nobody is there to be told.
 
@@ -231,8 +231,8 @@ class _Writing:
         clock_type = schemas.message_type(schemas.CLOCK_MESSAGE)
         self._writer.write_messages(CLOCK_SYNC, Messages(clock_type, t, np.full(len(t), now_ns), numbers, payloads))
 
-    def finish(self, result: Any, problems: Mapping[str, str]) -> None:
-        """Write what still waits, and complete the file."""
+    def finish(self, result: Any, problems: Mapping[str, str]) -> dict[str, Any]:
+        """Write what still waits, complete the file, and return what it says of each source."""
         while self.drain():
             continue
         self._synchronise()
@@ -244,6 +244,7 @@ class _Writing:
         for name, problem in problems.items():
             recorded.setdefault(name, {})["problem"] = problem
         self._writer.finish(result, recorded)
+        return recorded
 
     def close(self, *, unlink: bool) -> None:
         """Let go of file and rings; where whoever made the rings is no more, they end with us."""

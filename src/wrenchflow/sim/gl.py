@@ -17,6 +17,8 @@ import time
 from functools import cache
 from typing import Any
 
+from wrenchflow.sim import ASKED_GL
+
 WAYS = ("egl", "osmesa")
 PACKAGES = "libegl1 and libgl1-mesa-dri, or libosmesa6"  # Debian's names.
 _PATIENCE_S = 60.0
@@ -25,9 +27,9 @@ _PIXELS, _PICTURES = 224, 10
 
 @cache
 def find_gl() -> str | None:
-    """The first way that works, or None; what MUJOCO_GL names is the only one that is tried."""
-    asked = os.environ.get("MUJOCO_GL", "").lower()
-    return next((way for way in ((asked,) if asked in WAYS else WAYS) if can_draw(way)), None)
+    """The first way that works, or None; what MUJOCO_GL names is tried first."""
+    ways = sorted(WAYS, key=lambda way: way != ASKED_GL)
+    return next((way for way in ways if can_draw(way)), None)
 
 
 def can_draw(way: str) -> bool:
