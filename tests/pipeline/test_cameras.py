@@ -278,6 +278,19 @@ def test_where_nothing_can_be_drawn_collection_goes_on_without_and_says_so_once(
     assert not read_episode(tmp_path / "raw" / f"{done[0].id}.mcap").messages
 
 
+def test_the_quick_way_to_tell_what_a_scene_looks_like_tells_the_same(peg, peg_model):
+    import mujoco
+
+    from wrenchflow.sim.state import Looks, looks_of
+
+    data = mujoco.MjData(peg_model)
+    looks = Looks(data)  # Found once, before the scene is set.
+    peg.place(peg_model, data, peg.draw(peg_model, np.random.default_rng(5)))
+    told = np.zeros(len(looks_of(peg_model, data)))
+    looks.into(told)
+    np.testing.assert_array_equal(told, looks_of(peg_model, data))
+
+
 @pytest.mark.parametrize("way", ["osmesa", "egl", "nonsense"])
 def test_a_way_to_draw_that_does_not_work_stops_nobody_who_draws_nothing(tmp_path, way):
     """MuJoCo itself ends at its import where MUJOCO_GL names a library that is not there."""

@@ -120,7 +120,8 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
             samples=attempt.plant.count,
             outcome=attempt.outcome,
             late_ticks=beat.late,
-            lost=sum(of["dropped"] + of.get("missing", 0) for of in recorded.values()),
+            # A row that found no room leaves a number that is missing; only after the last row it does not.
+            lost=sum(max(of["dropped"], of.get("missing", 0)) for of in recorded.values()),
             problems=tuple(dict.fromkeys(problems)),
         )
 

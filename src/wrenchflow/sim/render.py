@@ -6,7 +6,7 @@ from jaxtyping import Float, UInt8
 
 from wrenchflow.errors import CameraError
 from wrenchflow.sim.gl import make_context
-from wrenchflow.sim.state import looks_size, set_looks
+from wrenchflow.sim.state import set_looks
 
 _MAX_GEOMS = 2000
 
@@ -42,11 +42,6 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._pixels = np.empty((height, width, 3), np.uint8)
-
-    @property
-    def looks_size(self) -> int:
-        """How many numbers `set` takes."""
-        return looks_size(self._model)
 
     def set(self, looks: Float[np.ndarray, " n"]) -> None:
         """Put everything where `looks_of` saw it."""
