@@ -1,7 +1,6 @@
 """A plan as who makes it thinks of it, and as a packet on its way to the arm."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float, Int64
@@ -64,7 +63,7 @@ class Plan:
         gripper: Float[np.ndarray, " n"] | None = None,
         seq: int = 0,
         model: int = 0,
-    ) -> Self:
+    ) -> "Plan":
         """A plan that is equally stiff all along, and where not given, without feed-forward and gripper."""
         n = len(t)
         return cls(

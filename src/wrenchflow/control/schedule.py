@@ -131,8 +131,8 @@ def accept(packet, schedule, ctl, now_ns):
     clock_ns = now_ns + schedule.actuation_latency_ns
     # Packets of one tick are parts of one: the seam is where the target left what it followed before them.
     is_next_part = ctl.follows_plan != 0 and schedule.count > 0 and schedule.accepted_ns == now_ns
-    was_followed = ctl.follows_plan != 0 and schedule.count > 0 and ctl.mode == RUN
-    goes_on = is_next_part or (was_followed and schedule.t[0] <= clock_ns and now_ns < schedule.end_ns)
+    was_followed = ctl.follows_plan != 0 and schedule.count > 0 and ctl.mode == RUN and schedule.t[0] <= clock_ns
+    goes_on = is_next_part or (was_followed and now_ns < schedule.end_ns)
     if reason == ACCEPTED:
         while first < packet.count and packet.t[first] <= clock_ns + schedule.lead_ns:
             first += 1
