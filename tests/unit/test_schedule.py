@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from wrenchflow.control import schedule as plans
 from wrenchflow.control.packet import MOST_WAYPOINTS, REASONS, reason_of
-from wrenchflow.control.plan import packet_of
 from wrenchflow.control.safeguards import HOLD, RUN
 from wrenchflow.spatial import make_pose
 
@@ -280,8 +279,8 @@ def test_a_clock_that_goes_back_begins_anew_from_the_target(follow):
     follower.at(160)
     here = follower.ctl[0]["x_target"].copy()
     assert follower.accept(follower.packet([80, 130], poses([0.03, 0.04]), 40), 50) == "accepted"
-    np.testing.assert_allclose(follower.at(50)["x_target"], here, atol=1e-12)
-    assert x_at(follower, 80)[0] == pytest.approx(0.03, abs=0.02)
+    np.testing.assert_array_equal(follower.at(50)["x_target"], here)
+    assert x_at(follower, 80) == 0.03
 
 
 # The gate.
@@ -416,15 +415,3 @@ def test_after_clear_nothing_is_followed_and_old_stamps_are_forgotten(follow):
     follower.ctl[:] = fresh.ctl
     assert [each.accept(packet, 2) for each in (follower, fresh)] == ["accepted"] * 2
     assert bits(follower, range(200)) == bits(fresh, range(200))
-
-
-def test_a_packet_may_be_made_in_place(follow):
-    follower = follow()
-    first, second = (follower.packet([50, 100], wandering(2, seed), seed) for seed in (0, 1))
-    from wrenchflow.control.config import Impedance
-    from wrenchflow.control.plan import Plan
-
-    t = follower.ns([50, 100])
-    plan = Plan.of_poses(t, wandering(2, 1), Impedance(), t_obs_ns=int(follower.ns(1)), period_ns=50_000_000)
-    assert packet_of(plan, first) is first
-    assert first.tobytes() == second.tobytes()
