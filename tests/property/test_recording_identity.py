@@ -125,7 +125,9 @@ ATTACHMENTS = st.builds(
     st.integers(0, 2**64 - 1),
 )
 NAMES = st.sampled_from(["wrench_raw", "tcp_pose", "teleop/joy", "teleop/twist", "a", "ü"])
-META = st.dictionaries(TEXT | st.sampled_from(["id", "streams", "result", "format_version"]), JSON, max_size=4)
+META = st.dictionaries(
+    TEXT | st.sampled_from(["id", "streams", "result", "safety", "recorded", "format_version"]), JSON, max_size=4
+)
 
 
 @given(
