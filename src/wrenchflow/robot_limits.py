@@ -53,6 +53,9 @@ class RobotLimits:
         tcp_turn_rad_s: Largest rate of turn of the tool.
         shoulder_m: The point, in the base frame, that `reach_m` counts from.
         reach_m: How far away from there the flange can be.
+        joint_inertia_kg_m2: Smallest eigenvalue of the joint inertia, rotors included, in any posture.
+        flange_inertia_kg: Least that a push at the bare flange has to move, in any posture and direction.
+        flange_inertia_kg_m2: Least that a turn of the bare flange has to move.
         slowing: Of robots whose speed limit depends on the posture.
     """
 
@@ -68,13 +71,16 @@ class RobotLimits:
     tcp_turn_rad_s: float | None = None
     shoulder_m: Vector3 | None = None
     reach_m: float | None = None
+    joint_inertia_kg_m2: float | None = None
+    flange_inertia_kg: float | None = None
+    flange_inertia_kg_m2: float | None = None
     slowing: Slowing | None = None
 
     def __post_init__(self) -> None:
         _require_joints(self, "robot")
         require_order("robot.position", self.position_min_rad, self.position_max_rad)
-        for name in ("tcp_speed_m_s", "tcp_turn_rad_s", "reach_m"):
-            if (value := getattr(self, name)) is not None:
+        for name in STATED_FOR_CONTROL:
+            if isinstance(value := getattr(self, name), float):
                 require_finite(f"robot.{name}", (value,), positive=True)
         if self.shoulder_m is not None:
             require_finite("robot.shoulder_m", self.shoulder_m)
@@ -106,6 +112,9 @@ STATED_FOR_CONTROL = (
     "tcp_turn_rad_s",
     "shoulder_m",
     "reach_m",
+    "joint_inertia_kg_m2",
+    "flange_inertia_kg",
+    "flange_inertia_kg_m2",
 )
 _MAY_BE_NEGATIVE = ("position_min_rad", "position_max_rad", "min_rad", "max_rad")
 
