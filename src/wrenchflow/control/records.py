@@ -175,8 +175,10 @@ CTL = record_dtype(
         ("dq_max", "f8", JOINTS),  # [rad/s]
         ("q_min", "f8", JOINTS),  # [rad]
         ("q_max", "f8", JOINTS),
-        ("dq_slope", "f8", JOINTS),  # of robots whose speed limit falls towards the ends of a joint; 0 for others
-        ("dq_offset", "f8", JOINTS),
+        ("dq_slope", "f8", JOINTS),  # of robots whose speed limit falls towards a joint's ends [rad/s^2]; 0 for others
+        ("dq_offset", "f8", JOINTS),  # [rad/s]
+        ("dq_q_min", "f8", JOINTS),  # where it falls to: ends of this curve, not of the joint [rad]
+        ("dq_q_max", "f8", JOINTS),
         ("dq_share", "f8"),
         ("q_margin", "f8"),  # [rad]
         ("overrun_ns", "i8"),  # a step of the clock longer than this is an overrun
