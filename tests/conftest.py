@@ -101,6 +101,7 @@ def peg_plant(peg, peg_model, rig):
             mujoco.mj_forward(model, data)
         plant = Plant(model, data, with_rig, measurement or Measurement(), rng, capacity_s=capacity_s)
         controller = Controller(with_rig, control or ControlConfig())
+        controller.set_contact_zone(*peg.contact_zone(scene))
         plant.begin(controller, impedance or Impedance())
         return plant, controller, scene
 
