@@ -12,8 +12,8 @@ from wrenchflow.control.packet import MOST_WAYPOINTS
 from wrenchflow.control.plan import Plan, packet_of
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.link import Link
-from wrenchflow.deploy.mailbox import VirtualMailbox
 from wrenchflow.deploy.receipts import Receipts
+from wrenchflow.deploy.virtual_mailbox import VirtualMailbox
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.observation import HISTORY_NS, observe
 from wrenchflow.policy.policy import Policy
