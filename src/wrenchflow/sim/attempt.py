@@ -78,8 +78,8 @@ class Attempt:
             glance_hz: Pictures a second.
             without: Safeguards that are left out, to see what each is worth.
         """
-        scene_rng, plant_rng, self.rng = generators(seed)
-        self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
+        scene_rng, plant_rng, self.rng, self.link_rng = generators(seed)
+        self.task, self.rig, self.seed, self.impedance = task, rig, seed, config.impedance
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
@@ -111,12 +111,25 @@ class Attempt:
             self.target_pose,
             target,
             ticks=ticks,
-            impedance=self._impedance,
+            impedance=self.impedance,
             disturbance_m=disturbance_m,
             every_s=every_s,
         )
         self.target_pose = target
         return self._run(ticks)
+
+    def accept(self, packet: np.ndarray) -> str:
+        """Take in a plan before the next tick: what becomes of it, by `Controller.accept`."""
+        return self.controller.accept(packet, self.now_ns)
+
+    def follow(self, ticks: int) -> np.ndarray:
+        """Let the arm follow what it was asked for; returns the new rows."""
+        return self._run(ticks)
+
+    @property
+    def now_ns(self) -> int:
+        """Stamp of the next tick."""
+        return int(self.plant.recorded[-1]["t_ns"]) + TICK_NS
 
     def _run(self, ticks: int) -> np.ndarray:
         first = self.plant.count
@@ -128,8 +141,7 @@ class Attempt:
             due = tick_of_picture(self._glances, self._glance_hz)
             self._tick(min(due, stop) - self.plant.count)
             if self.plant.count == due:
-                now_ns = int(self.plant.recorded["t_ns"][-1]) + TICK_NS
-                self._glance(now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
+                self._glance(self.now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
                 self._glances += 1
         return self.plant.rows[first:stop]
 
@@ -193,7 +205,7 @@ class Attempt:
         return {
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
-            "impedance": to_mapping(self._impedance),
+            "impedance": to_mapping(self.impedance),
             STREAM: {"modes": list(MODES), "safeguards": list(SAFEGUARDS)},
             # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {
@@ -262,8 +274,8 @@ def picture_at(tick: int, rate_hz: float) -> int | None:
 
 
 def generators(seed: Sequence[int]) -> list[np.random.Generator]:
-    """The three sources of chance in an attempt: the scene, the plant, and whoever acts."""
-    return np.random.default_rng(tuple(seed)).spawn(3)
+    """The sources of chance in an attempt: the scene, the plant, whoever acts, and the way of what they send."""
+    return np.random.default_rng(tuple(seed)).spawn(4)
 
 
 def episode_id(task: str, seed: int, index: int) -> str:
