@@ -304,7 +304,7 @@ def test_a_batch_of_controllers_is_as_many_single_ones(peg_plant, rig):
     single.ask(single.target_pose, single.target_pose, ticks=1, impedance=Impedance())
     ctl, req = np.repeat(single.ctl, 4), np.repeat(single.req, 4)
     req["x_stop"][2] += 0.01
-    law.tick_each(np.repeat(single.obs, 4), req, ctl)
+    law.tick_each(np.repeat(single.obs, 4), req, np.repeat(single.schedule, 4), ctl)
     single.tick()
     assert ctl[[0, 1, 3]].tobytes() == np.repeat(single.ctl, 3).tobytes()
     assert ctl[2].tobytes() != single.ctl[0].tobytes()

@@ -8,6 +8,9 @@ from dataclasses import dataclass, fields
 
 from wrenchflow.errors import ConfigError
 
+_MAY_BE_ZERO = ("nullspace_nm_rad", "ramp_s", "tank_fill_w", "tank_reserve_j", "actuation_latency_s")
+_AT_MOST_ONE = ("torque_share", "torque_rate_share", "joint_speed_share", "tank_refill_share")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Impedance:
@@ -75,6 +78,7 @@ class ControlConfig:
         overrun_max_s: And so does one that takes this long [s].
         stale_s: For how long the robot's state may stand still [s].
         frozen_s: For how long the sensor's reading may stay the same to the last bit [s].
+        actuation_latency_s: From a command until the arm does it; plans are followed ahead by it [s].
         torque_share: Of the robot's torque limits, that a command may use: a margin for what happens between two ticks.
         torque_rate_share: The same for the change of torque.
     """
@@ -123,15 +127,21 @@ class ControlConfig:
     overrun_max_s: float = 0.005
     stale_s: float = 0.002
     frozen_s: float = 0.02
+    actuation_latency_s: float = 0.0
     torque_share: float = 0.96
     torque_rate_share: float = 0.5
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            most_one = field.name in ("torque_share", "torque_rate_share", "joint_speed_share", "tank_refill_share")
-            if most_one and not 0.0 < value <= 1.0:
+            if field.name in _AT_MOST_ONE and not 0.0 < value <= 1.0:
                 raise ConfigError(f"control.{field.name} is {value:g}, expected above 0 and 1 at most.")
-            may_be_zero = field.name in ("nullspace_nm_rad", "ramp_s", "tank_fill_w", "tank_reserve_j")
+            may_be_zero = field.name in (
+                "nullspace_nm_rad",
+                "ramp_s",
+                "tank_fill_w",
+                "tank_reserve_j",
+                "actuation_latency_s",
+            )
             if not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
                 raise ConfigError(f"control.{field.name} is {value:g}, expected a number above 0.")

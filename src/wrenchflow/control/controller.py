@@ -8,8 +8,10 @@ from jaxtyping import Float
 
 from wrenchflow.control import impedance as law
 from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.packet import ACCEPTED, REASONS
 from wrenchflow.control.records import CTL, OBS, REQ
-from wrenchflow.control.safeguards import LATCHED, MODES, SAFEGUARDS, cause_of, names_of
+from wrenchflow.control.safeguards import GATE_REQUEST, LATCHED, MODES, SAFEGUARDS, cause_of, names_of
+from wrenchflow.control.schedule import accept, make_schedule
 from wrenchflow.errors import ControlError, unknown
 from wrenchflow.filtering import design
 from wrenchflow.rig import Rig
@@ -48,6 +50,9 @@ class Controller:
         self.obs = np.zeros(1, OBS)
         self.req = np.zeros(1, REQ)
         self.ctl = np.zeros(1, CTL)
+        self.schedule = make_schedule(
+            rig.workspace.min_m, rig.workspace.max_m, actuation_latency_s=config.actuation_latency_s
+        )
         state = self.ctl[0]
         for name in without:
             if name not in SAFEGUARDS:
@@ -75,7 +80,7 @@ class Controller:
         state["rejected"], state["counts"] = 0, 0
         for name in ("damped", "fed", "posed", "saturated", "exerted", "filled"):
             state[name] = 0.0
-        law.start(self.obs[0], state)
+        law.start(self.obs[0], self.schedule[0], state)
 
     def reset(self) -> None:
         """Let an operator end a latched stop: wait again, where the arm is now, with the bias that it had.
@@ -89,7 +94,7 @@ class Controller:
         if not np.isfinite(obs["q"]).all() or not np.isfinite(obs["x"]).all():
             raise ControlError("the robot's state is not finite, so control cannot begin again.")
         state["takes_bias"] = 0
-        law.start(obs, state)
+        law.start(obs, self.schedule[0], state)
 
     def stop(self) -> None:
         """Emergency stop, in any mode: from the next tick on the joints are braked until the operator resets."""
@@ -159,9 +164,37 @@ class Controller:
         state["segment_tick"], state["follows_plan"], state["is_fresh"] = 0, 0, 1
         state["patience_ticks"] = patience_ticks(every_s)
 
+    def accept(self, packet: np.ndarray, now_ns: int) -> str:
+        """Take in a plan, to be followed from the next tick on if it is sound.
+
+        Args:
+            packet: What a policy sent. Shape (1,), dtype `PACKET`.
+            now_ns: The loop's time, on the clock of the robot's stamps: that of the next tick, or the last one's.
+
+        Returns:
+            What became of it, one of `packet.REASONS`; `accepted`, or why it is counted and not followed.
+        """
+        state = self.ctl[0]
+        reason = accept(packet[0], self.schedule[0], state, now_ns)
+        if reason == ACCEPTED:
+            state["is_fresh"] = 1
+            state["patience_ticks"] = patience_ticks(int(self.schedule["period_ns"][0]) * 1e-9)
+        else:
+            state["pending"] |= 1 << GATE_REQUEST
+            state["rejected"] += 1
+        return tuple(REASONS)[reason]
+
+    @property
+    def refusals(self) -> dict[str, int]:
+        """How many plans were refused since the start, by reason, those that were; segments as `segment`."""
+        counts = self.schedule["counts"][0]
+        plans = {name: int(counts[number]) for number, name in enumerate(REASONS) if number != ACCEPTED}
+        segments = int(self.ctl["rejected"][0]) - sum(plans.values())
+        return {name: count for name, count in {**plans, "segment": segments}.items() if count}
+
     def tick(self) -> Float[np.ndarray, " 7"]:
         """Decide one tick's torque [N.m], without gravity, from `obs` and `req`. Shape (7,), a view of the state."""
-        law.tick_each(self.obs, self.req, self.ctl)
+        law.tick_each(self.obs, self.req, self.schedule, self.ctl)
         return self.ctl["tau"][0]
 
 

@@ -31,17 +31,19 @@ from wrenchflow.control.safeguards import (
     SOFT_STOP,
     TANK_TORQUE,
 )
+from wrenchflow.control.schedule import clear, evaluate
 from wrenchflow.control.stiffness import TICK_S, clamp_stiffness, govern_stiffness
 from wrenchflow.control.torque import cap_norm, limit_torque
 from wrenchflow.so3 import exp_into, multiply_into
 
 
 @kernel
-def start(obs, ctl):
+def start(obs, schedule, ctl):
     """Begin where the arm is, waiting: the reference, the target and the nullspace posture are the measured ones.
 
     The torque goes on from the last command, at its rate limit: whoever starts again may be pressing.
     """
+    clear(schedule)
     ctl.tick = ctl.mode_tick = ctl.segment_tick = ctl.silent_ticks = 0
     ctl.mode, ctl.cause, ctl.is_waiting = HOLD, NO_CAUSE, 1
     ctl.is_fresh = ctl.is_stop_asked = ctl.follows_plan = ctl.pending = ctl.acting = 0
@@ -66,7 +68,7 @@ def start(obs, ctl):
 
 
 @kernel
-def tick(obs, req, ctl):
+def tick(obs, req, schedule, ctl):
     """Decide the torque of one tick into `ctl.tau` [N.m], without gravity.
 
     A state or a torque that is not finite latches: the command goes, at the rate limit, to what brakes every joint, or
@@ -84,9 +86,9 @@ def tick(obs, req, ctl):
         else:
             error_into(ctl, obs.x, obs.R)
         _read_request(req, ctl)
-        decide_mode(obs, ctl)
+        decide_mode(obs, schedule, ctl)
     if ctl.mode != LATCHED:
-        _decide_torque(obs, req, ctl)
+        _decide_torque(obs, req, schedule, ctl)
         if not all_finite(ctl.tau_wanted) and is_on(ctl, GATE_TORQUE):
             enter(ctl, LATCHED, GATE_TORQUE)
     if ctl.mode == LATCHED:
@@ -101,13 +103,13 @@ def tick(obs, req, ctl):
 
 
 @kernel
-def tick_each(obs, req, ctl):
+def tick_each(obs, req, schedule, ctl):
     """One tick of a batch of controllers, arrays of records; also the quick way in from Python for one of them.
 
     Numba takes ten times as long to look at a record as at an array.
     """
     for i in range(ctl.shape[0]):
-        tick(obs[i], req[i], ctl[i])
+        tick(obs[i], req[i], schedule[i], ctl[i])
 
 
 @kernel
@@ -122,17 +124,21 @@ def _count(ctl):
 @kernel
 def _read_request(req, ctl):
     """A segment that is not sound is counted and not followed: the last target stays, and nobody has asked."""
-    if ctl.is_waiting and not ctl.is_fresh:
+    ctl.is_refused = 0
+    if ctl.follows_plan or (ctl.is_waiting and not ctl.is_fresh):
         return
     if is_on(ctl, GATE_REQUEST) and not request_is_sound(req):
         note(ctl, GATE_REQUEST)
+        ctl.is_refused = 1
         ctl.rejected += 1
         ctl.is_fresh = 0
 
 
 @kernel
-def _decide_torque(obs, req, ctl):
-    if ctl.mode == RUN and (ctl.acting >> GATE_REQUEST) & 1 == 0:
+def _decide_torque(obs, req, schedule, ctl):
+    if ctl.mode == RUN and ctl.follows_plan:
+        evaluate(schedule, obs.t_ns, ctl)
+    elif ctl.mode == RUN and not ctl.is_refused:
         _follow_segment(req, ctl)
     if ctl.mode == SOFT_STOP:
         ctl.gain = max(0.0, ctl.gain - ctl.stop_step)
@@ -161,6 +167,7 @@ def _follow_segment(req, ctl):
         for j in range(3):
             ctl.K_lin_target[i, j], ctl.K_rot_target[i, j] = req.K_lin[i, j], req.K_rot[i, j]
     ctl.damping_ratio_target = req.damping_ratio
+    ctl.gripper_target = math.nan
 
 
 @kernel

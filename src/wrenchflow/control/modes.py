@@ -30,6 +30,7 @@ from wrenchflow.control.safeguards import (
     MOMENT,
     NO_CAUSE,
     OVERRUN,
+    PLAN_END,
     RETREAT,
     RUN,
     SENSOR,
@@ -55,7 +56,7 @@ def enter(ctl, mode, cause):
 
 
 @kernel
-def decide_mode(obs, ctl):
+def decide_mode(obs, schedule, ctl):
     """Settle which mode this tick is in, from a state that is finite."""
     ctl.mode_tick += 1
     ctl.silent_ticks += 1
@@ -76,11 +77,11 @@ def decide_mode(obs, ctl):
     if cause != NO_CAUSE:
         enter(ctl, SOFT_STOP, cause)
     elif ctl.mode == HOLD or ctl.mode == RUN:
-        _follow_or_hold(ctl)
+        _follow_or_hold(obs, schedule, ctl)
 
 
 @kernel
-def _follow_or_hold(ctl):
+def _follow_or_hold(obs, schedule, ctl):
     if ctl.is_fresh:
         ctl.is_fresh, ctl.silent_ticks = 0, 0
         if ctl.mode == HOLD:
@@ -88,6 +89,8 @@ def _follow_or_hold(ctl):
     if ctl.mode == RUN:
         if ctl.patience_ticks > 0 and ctl.silent_ticks > ctl.patience_ticks and is_on(ctl, SILENCE):
             _hold(ctl, SILENCE)
+        elif ctl.follows_plan and obs.t_ns > schedule.end_ns and is_on(ctl, PLAN_END):
+            _hold(ctl, PLAN_END)
     elif not ctl.is_waiting and ctl.mode_tick > ctl.hold_ticks_max and is_on(ctl, HOLD_EXPIRED):
         enter(ctl, SOFT_STOP, HOLD_EXPIRED)
 

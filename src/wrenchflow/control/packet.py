@@ -7,7 +7,7 @@ the constants of this file, so it is one of those that `wrenchflow.compiled` loo
 import math
 
 from wrenchflow.compiled import kernel
-from wrenchflow.control.governor import all_within, is_stiffness
+from wrenchflow.control.gate import all_within, is_stiffness
 from wrenchflow.control.records import record_dtype
 
 MOST_WAYPOINTS = 64

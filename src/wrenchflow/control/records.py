@@ -65,6 +65,7 @@ CTL = record_dtype(
         ("is_fresh", "i8"),  # something was asked since the last tick
         ("silent_ticks", "i8"),  # since something was asked
         ("patience_ticks", "i8"),  # silence after which the arm holds; 0 for a request that does not expire
+        ("is_refused", "i8"),  # the segment is not sound
         ("is_stop_asked", "i8"),  # an emergency stop
         ("rejected", "i8"),  # requests that were not sound, and so not followed
         ("counts", "i8", 64),  # ticks in which each safeguard intervened

@@ -13,10 +13,12 @@ from jaxtyping import Float
 
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS, TICK_S, Controller
+from wrenchflow.control.safeguards import MODES, SAFEGUARDS
 from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.ledger import STREAM, Ledger
 from wrenchflow.messages import Attachment
 from wrenchflow.rig import Rig
-from wrenchflow.signals import POSE
+from wrenchflow.signals import GOVERNOR, POSE
 from wrenchflow.sim.config import AttemptConfig
 from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.state import looks_of, model_bytes, state_of
@@ -172,11 +174,18 @@ class Attempt:
         return self.task.progress(self.scene, self.plant.true_tcp_pose) >= 1.0
 
     @property
-    def events(self) -> tuple[Event, Event]:
-        """The tare, and how things stand now as the end."""
+    def events(self) -> tuple[Event, ...]:
+        """The tare, what the safety layer did, and how things stand now as the end."""
         end_ns, outcome = int(self.plant.recorded["t_ns"][-1]), self.outcome
         end = Event(end_ns, end_ns, "success" if outcome.success else "failure", outcome.failure)
-        return self.tare, end
+        return self.tare, *self.ledger.events, end
+
+    @property
+    def ledger(self) -> Ledger:
+        """The safety layer's account so far."""
+        rows = self.plant.recorded
+        governor = Stream(rows["t_ns"].copy(), rows[STREAM].copy(), GOVERNOR, "base")
+        return Ledger(governor=governor, modes=MODES, safeguards=tuple(SAFEGUARDS))
 
     @property
     def meta(self) -> dict[str, Any]:
@@ -185,6 +194,7 @@ class Attempt:
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
             "impedance": to_mapping(self._impedance),
+            STREAM: {"modes": list(MODES), "safeguards": list(SAFEGUARDS)},
             # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {
                 "mujoco": mujoco.__version__,
@@ -229,7 +239,7 @@ class Attempt:
             self.task.name,
             {**streams_of(rows), "goal_pose": goal, **streams},
             (*self.events, *events),
-            {**self.meta, **meta, "result": to_mapping(outcome)},
+            {**self.meta, **meta, "result": to_mapping(outcome), "safety": self.ledger.summary()},
             attachments=self.attachments(meta),
         )
 
