@@ -12,6 +12,7 @@ from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError
 from wrenchflow.manifest import output_folder, write_json, write_manifest
 from wrenchflow.recording.write import write_episode
+from wrenchflow.sim.startup import check_cell
 from wrenchflow.sim.tasks import scenery
 
 EVALUATION = "evaluation.json"
@@ -108,15 +109,18 @@ def deploy_folder(
     Raises:
         CheckpointError: If `run` holds no policy that fits.
         OutputError: If `out` is there, and may not be replaced.
+        ConfigError: For control limits beyond the hardware's.
+        StartupError: If the cell is not fit to be started.
     """
     from wrenchflow.policy.checkpoint import load_policy
 
     load_policy(run)  # A run that cannot be loaded is refused here, before workers start.
     with output_folder(out, overwrite=overwrite, reads=[run]) as folder:
+        startup = check_cell(config)
         verdicts = []
         for verdict in evaluate(run, config, jobs=jobs, folder=folder, executor=executor):
             verdicts.append(verdict)
             yield verdict
         attempts = [asdict(verdict) for verdict in verdicts]
         write_json(folder / EVALUATION, {**summarise(verdicts), "attempts_by_id": attempts})
-        write_manifest(folder, "deploy", config, sorted(run.glob("*.json")), seed=config.seed)
+        write_manifest(folder, "deploy", config, sorted(run.glob("*.json")), seed=config.seed, startup=startup)

@@ -32,8 +32,8 @@ Glance = Callable[[int, int, np.ndarray], None]
 _MARGIN_S = 1.0  # The last step may end after the time limit.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
 MJCF, MODEL = "model.xml", "model.mjb.gz"
-# Last number of an attempt's seed: evaluation never meets a scene that was demonstrated.
-DEMONSTRATE, EVALUATE = 0, 1
+# Last number of an attempt's seed: evaluation never meets a scene that was demonstrated, nor either the start's check.
+DEMONSTRATE, EVALUATE, CHECK = range(3)
 
 
 @dataclass(frozen=True, kw_only=True)
