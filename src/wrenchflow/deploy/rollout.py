@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from wrenchflow.episode import Episode, Stream
 from wrenchflow.observation import HISTORY_NS, observe
 from wrenchflow.policy.policy import Policy
 from wrenchflow.process.live import LiveWrench
+from wrenchflow.recording.black_box import BlackBox
 from wrenchflow.rig import Rig
 from wrenchflow.signals import POSE
 from wrenchflow.sim.attempt import EVALUATE, Attempt, episode_id
@@ -103,7 +105,13 @@ class Rollout:
 
 
 def roll_out(
-    indices: Sequence[int], policy: Policy, task: Task, model: Any, rig: Rig, config: DeployConfig
+    indices: Sequence[int],
+    policy: Policy,
+    task: Task,
+    model: Any,
+    rig: Rig,
+    config: DeployConfig,
+    boxes: Sequence[BlackBox] = (),
 ) -> list[Episode]:
     """Run some attempts side by side, with one inference for all of them at each step.
 
@@ -114,14 +122,15 @@ def roll_out(
         model: Of the task with the arm of `rig`.
         rig: The robot cell.
         config: Seed, latency, gains.
+        boxes: One for each, where its rows are stored, so that something is left if it does not end well.
     """
-    rollouts = [
-        Rollout(
-            Attempt(task, model, rig, config, seed=(config.seed, index, EVALUATE)),
-            policy,
-        )
-        for index in indices
-    ]
+    rollouts: list[Rollout] = []
+    for index, box in zip(indices, boxes or [None] * len(indices), strict=True):
+        keep = box.rows if box else None
+        rollout = Rollout(Attempt(task, model, rig, config, seed=(config.seed, index, EVALUATE), keep=keep), policy)
+        rollouts.append(rollout)
+        if box is not None:
+            box.tell = partial(rollout.episode, rollout_id(config, index), deploy=to_mapping(config))
     latency_ns = round(config.latency_s * 1e9)
     step = 0
     while running := [rollout for rollout in rollouts if not rollout.over]:
@@ -135,6 +144,11 @@ def roll_out(
             rollout.follow()
         step += 1
     return [
-        rollout.episode(episode_id(f"rollout-{config.task}", config.seed, index), deploy=to_mapping(config))
+        rollout.episode(rollout_id(config, index), deploy=to_mapping(config))
         for index, rollout in zip(indices, rollouts, strict=True)
     ]
+
+
+def rollout_id(config: DeployConfig, index: int) -> str:
+    """Name of a rollout, which is no demonstration's."""
+    return episode_id(f"rollout-{config.task}", config.seed, index)
