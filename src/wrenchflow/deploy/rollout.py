@@ -1,6 +1,7 @@
 """A policy on the simulated arm in virtual time: what it sees, what it plans, and the core that follows at 1 kHz."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from wrenchflow.episode import Episode, Stream
 from wrenchflow.observation import HISTORY_NS, observe
 from wrenchflow.policy.policy import Policy
 from wrenchflow.process.live import LiveWrench
+from wrenchflow.recording.black_box import BlackBox
 from wrenchflow.rig import Rig
 from wrenchflow.signals import POSE
 from wrenchflow.sim.attempt import EVALUATE, Attempt, episode_id
@@ -112,7 +114,13 @@ class Rollout:
 
 
 def roll_out(
-    indices: Sequence[int], policy: Policy, task: Task, model: Any, rig: Rig, config: DeployConfig
+    indices: Sequence[int],
+    policy: Policy,
+    task: Task,
+    model: Any,
+    rig: Rig,
+    config: DeployConfig,
+    boxes: Sequence[BlackBox] = (),
 ) -> list[Episode]:
     """Run some attempts side by side, with one inference for all of them at each step.
 
@@ -123,15 +131,16 @@ def roll_out(
         model: Of the task with the arm of `rig`.
         rig: The robot cell.
         config: Seed, gains, and the way of the plans.
+        boxes: One for each, where its rows are stored, so that something is left if it does not end well.
     """
-    rollouts = [
-        Rollout(
-            Attempt(task, model, rig, config, seed=(config.seed, index, EVALUATE)),
-            policy,
-            config.link,
-        )
-        for index in indices
-    ]
+    rollouts: list[Rollout] = []
+    for index, box in zip(indices, boxes or [None] * len(indices), strict=True):
+        keep = box.rows if box else None
+        attempt = Attempt(task, model, rig, config, seed=(config.seed, index, EVALUATE), keep=keep)
+        rollout = Rollout(attempt, policy, config.link)
+        rollouts.append(rollout)
+        if box is not None:
+            box.tell = partial(rollout.episode, rollout_id(config, index), deploy=to_mapping(config))
     step = 0
     while running := [rollout for rollout in rollouts if not rollout.over]:
         observations = np.stack([rollout.look() for rollout in running])
@@ -144,6 +153,11 @@ def roll_out(
             rollout.follow()
         step += 1
     return [
-        rollout.episode(episode_id(f"rollout-{config.task}", config.seed, index), deploy=to_mapping(config))
+        rollout.episode(rollout_id(config, index), deploy=to_mapping(config))
         for index, rollout in zip(indices, rollouts, strict=True)
     ]
+
+
+def rollout_id(config: DeployConfig, index: int) -> str:
+    """Name of a rollout, which is no demonstration's."""
+    return episode_id(f"rollout-{config.task}", config.seed, index)

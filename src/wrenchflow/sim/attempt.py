@@ -28,6 +28,8 @@ from wrenchflow.sim.tasks.task import Scene, Task, mjcf_of
 Beat = Callable[[np.ndarray], None]
 # Called with the time [ns], the number of a picture, and what the scene looks like then.
 Glance = Callable[[int, int, np.ndarray], None]
+# Called with what is known of an attempt and how many rows there may be; gives zeros of dtype `ROW` to store them in.
+Keep = Callable[[Mapping[str, Any], int], np.ndarray]
 
 _MARGIN_S = 1.0  # The last step may end after the time limit.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
@@ -62,6 +64,7 @@ class Attempt:
         glance: Glance | None = None,
         glance_hz: float = 30.0,
         without: Iterable[str] = (),
+        keep: Keep | None = None,
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -77,6 +80,7 @@ class Attempt:
             glance: Called `glance_hz` times a second; what happens does not depend on it.
             glance_hz: Pictures a second.
             without: Safeguards that are left out, to see what each is worth.
+            keep: Gives the memory that rows are stored in, such as a black box's; without it they are nobody else's.
         """
         scene_rng, plant_rng, self.rng, self.link_rng = generators(seed)
         self.task, self.rig, self.seed, self.impedance = task, rig, seed, config.impedance
@@ -89,6 +93,8 @@ class Attempt:
         self.controller.set_contact_zone(*task.contact_zone(self.scene))
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
+        if keep is not None:
+            self.plant.rows = keep(self.meta, len(self.plant.rows))
         self._glance, self._glance_hz, self._glances = glance, glance_hz, 0
         self.beat = None if beat is None else beat(self)
         # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
