@@ -273,7 +273,9 @@ def together(*adversaries: Adversary) -> Adversary:
     """One adversary that is several at once."""
 
     def play(arena: Arena, rng: Generator) -> Script:
-        scripts = [adversary(arena, child) for adversary, child in zip(adversaries, rng.spawn(len(adversaries)))]
+        scripts = [
+            adversary(arena, child) for adversary, child in zip(adversaries, rng.spawn(len(adversaries)), strict=True)
+        ]
         due, now = [0] * len(scripts), 0
         while True:
             for i, script in enumerate(scripts):

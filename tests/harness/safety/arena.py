@@ -98,7 +98,7 @@ class Arena:
             without: Safeguards that are left out, by name.
             waits: For so many ticks nobody asks for anything: the sensor's bias is taken.
         """
-        self.place, self.rig = PLACES[place], _rig(noisy)
+        self.place, self.rig, self.noisy = PLACES[place], _rig(noisy), noisy
         task, _, model = scenery("peg-insertion", "panda_peg")
         rng = np.random.default_rng((seed, 17))
         scene, data = task.draw(model, rng), mujoco.MjData(model)

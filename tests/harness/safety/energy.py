@@ -1,5 +1,6 @@
 """Energy: what the controller may put into the true arm, whatever its own ledger says."""
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,7 +17,7 @@ TICK_S = 0.001
 def spans(trace: Trace) -> Iterator[tuple[int, int]]:
     """The ticks from one start of the controller to before the next: a start fills the tank anew."""
     starts = [*np.flatnonzero(trace.before["tick"] == 0), len(trace)]
-    yield from zip(starts[:-1], starts[1:], strict=True)
+    yield from itertools.pairwise(starts)
 
 
 def check_tank(trace: Trace) -> list[Finding]:

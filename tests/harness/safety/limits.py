@@ -74,8 +74,8 @@ def normal_inertia(trace: Trace) -> np.ndarray:
     return inertia
 
 
-def check_contact(trace: Trace, config: ControlConfig, zone_speed_m_s: float) -> list[Finding]:
-    """I9 and the contact force: at rest no more than the cap, quasi-static a tenth more, in an impact what inertia adds.
+def check_contact(trace: Trace, config: ControlConfig) -> list[Finding]:
+    """I9 and the contact force: at rest the cap, quasi-static a tenth more, in an impact what inertia adds.
 
     The force is MuJoCo's, low-passed at 50 Hz. Quasi-static is a tick before which the tool has been slower than
     10 mm/s for 100 ms; what is not is an impact, and may be over by 150 1/s times the inertia along the force times
@@ -92,7 +92,7 @@ def check_contact(trace: Trace, config: ControlConfig, zone_speed_m_s: float) ->
     quasi_static = (recent < REST_M_S) & alone
     still = (recent < STANDSTILL_M_S) & alone
     inertia = normal_inertia(trace)
-    impact = (size - QUASI_STATIC_SHARE * config.force_max_n) / (IMPACT_1_S * inertia * zone_speed_m_s)
+    impact = (size - QUASI_STATIC_SHARE * config.force_max_n) / (IMPACT_1_S * inertia * config.zone_speed_m_s)
     return [
         worst_of("I9 static force [N]", np.abs(smooth), config.force_max_n * 1.01, still),
         worst_of("contact quasi-static [N]", size, config.force_max_n * QUASI_STATIC_SHARE, quasi_static),

@@ -1,7 +1,7 @@
 """I7: whatever stiffness and damping ratio are let through keep the stability condition of variable impedance.
 
-Kronander and Billard (2016): with one constant a, a M <= D and K' + a D' <= 2 a K. Here it is looked at as it is written,
-with the matrix D = 2 zeta sqrt(m) K^(1/2) of the largest inertia, by eigenvalues, and no use is made of rates.
+Kronander and Billard (2016): with one constant a, a M <= D and K' + a D' <= 2 a K. Here it is looked at as it is
+written, with the matrix D = 2 zeta sqrt(m) K^(1/2) of the largest inertia, by eigenvalues, and no use is made of rates.
 """
 
 import numpy as np
@@ -25,24 +25,13 @@ def check_slew(trace: Trace, config: ControlConfig) -> list[Finding]:
     before, after = trace.before, trace.after
     governed = (after["mode"] != LATCHED) & np.isfinite(after["K_lin"]).all((1, 2)) & (before["tick"] > 0)
     found = []
-    for name, unit, low, high, fall, inertia in (
-        (
-            "K_lin",
-            "N/m",
-            config.stiffness_min_n_m,
-            config.stiffness_max_n_m,
-            config.stiffness_fall_n_m_s,
-            config.slew_inertia_kg,
-        ),
-        (
-            "K_rot",
-            "N.m/rad",
-            config.stiffness_min_nm_rad,
-            config.stiffness_max_nm_rad,
-            config.stiffness_fall_nm_rad_s,
-            config.slew_inertia_kg_m2,
-        ),
-    ):
+    c = config
+    blocks = {
+        "K_lin": (c.stiffness_min_n_m, c.stiffness_max_n_m, c.stiffness_fall_n_m_s, c.slew_inertia_kg),
+        "K_rot": (c.stiffness_min_nm_rad, c.stiffness_max_nm_rad, c.stiffness_fall_nm_rad_s, c.slew_inertia_kg_m2),
+    }
+    for name, (low, high, fall, inertia) in blocks.items():
+        unit = "N/m" if name == "K_lin" else "N.m/rad"
         changed = governed & (
             (before[name] != after[name]).any((1, 2)) | (before["damping_ratio"] != after["damping_ratio"])
         )
