@@ -1,6 +1,5 @@
 """The arena: the 7-joint arm in MuJoCo at one of four places, driven a tick at a time with everything written down."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -82,7 +81,6 @@ class Arena:
         seed: int,
         *,
         noisy: bool = True,
-        ticks: int = 4000,
         control: ControlConfig | None = None,
         without: Iterable[str] = (),
         waits: int = 100,
@@ -93,7 +91,6 @@ class Arena:
             place: Of `PLACES`.
             seed: Scene and noise.
             noisy: Whether joints and sensor have a real arm's noise.
-            ticks: Room in the log.
             control: Limits and gains.
             without: Safeguards that are left out, by name.
             waits: For so many ticks nobody asks for anything: the sensor's bias is taken.
@@ -115,10 +112,10 @@ class Arena:
         if self.place.block:
             self.controller.set_contact_zone(scene.T_base_goal[:3] - ZONE_M, scene.T_base_goal[:3] + ZONE_M)
         self.tampers: dict[str, Tamper] = {}
-        self.hand_n = np.zeros(3)
-        self.log = Log(ticks)
+        # A hand holds the flange, above the sensor: what it does to the tool goes through it. Base axes.
+        self.hand_n, self.hand_nm = np.zeros(3), np.zeros(3)
+        self.log = Log()
         self._tool, self._flange = model.body("tool").id, model.body("flange").id
-        self._acted = False
         self.plant.begin(self.controller, Impedance())
         self.run(waits)
         req = self.controller.req[0]
@@ -133,10 +130,6 @@ class Arena:
     def base_target(self) -> np.ndarray:
         """What the place asks for now."""
         return self.pose_of(self.place.target_m(self.log.count * 0.001))
-
-    def act(self) -> None:
-        """Note that somebody changed something: the next tick's request is not the last one's."""
-        self._acted = True
 
     def play(self, *scripts: Iterator[int], ticks: int) -> Trace:
         """Let scripts act on this arena, each whenever it wants to, for `ticks` ticks; return what happened.
@@ -153,7 +146,6 @@ class Arena:
         while self.log.count < stop:
             for i, script in enumerate(playing):
                 if due[i] <= self.log.count:
-                    self._acted = True
                     due[i] = self.log.count + max(1, next(script, stop))
             self.run(min([stop, *due]) - self.log.count)
         return self.log.trace
@@ -161,6 +153,7 @@ class Arena:
     def run(self, ticks: int) -> None:
         """Let time pass."""
         plant, controller, log = self.plant, self.controller, self.log
+        log.make_room(ticks)
         data, truth = plant.data, log.truth
         obs_bytes, req_bytes, before, after = log.bytes
         obs, req, ctl = (each.view(np.uint8) for each in (controller.obs, controller.req, controller.ctl))
@@ -170,7 +163,6 @@ class Arena:
             truth["q"][k], truth["dq"][k] = data.qpos, data.qvel
             truth["x"][k], truth["R"][k] = site.xpos, site.xmat.reshape(3, 3)
             truth["J"][k], truth["M"][k] = controller.obs["J"][0], controller.obs["M"][0]
-            truth["acted"][k], self._acted = self._acted, False
             if self.tampers:
                 truth["tampered"][k] = True
                 for tamper in list(self.tampers.values()):
@@ -178,14 +170,13 @@ class Arena:
             obs_bytes[k], req_bytes[k], before[k] = obs, req, ctl
             tau = controller.tick()
             after[k] = ctl
-            data.xfrc_applied[self._tool, :3] = self.hand_n
+            data.xfrc_applied[self._flange, :3], data.xfrc_applied[self._flange, 3:] = self.hand_n, self.hand_nm
             plant.write(tau)
             truth["q_after"][k], truth["dq_after"][k] = data.qpos, data.qvel
-            truth["hand"][k] = self.hand_n
-            # MuJoCo's external forces hold what is applied besides contacts, and are those on the body.
-            forces = data.cfrc_ext[1 : self._tool + 1, 3:]
-            truth["contact"][k] = self.hand_n - forces[-1]
-            truth["elsewhere"][k] = -forces[:-1].sum(0)
+            truth["hand"][k], truth["hand_moment"][k] = self.hand_n, self.hand_nm
+            # MuJoCo's external forces are those on the body, and hold what is applied besides contacts.
+            truth["contact"][k] = -data.cfrc_ext[self._tool, 3:]
+            truth["elsewhere"][k] = self.hand_n - data.cfrc_ext[1 : self._tool, 3:].sum(0)
             truth["contacts"][k] = data.ncon
         log.count += ticks
         _require_stable(data)
@@ -204,8 +195,3 @@ def _rig(noisy: bool) -> Rig:
     if noisy:
         return rig
     return replace(rig, sensor=replace(rig.sensor, noise_force_n=0.0, noise_torque_nm=0.0))
-
-
-def distance_to(trace: Trace, point_m: np.ndarray) -> np.ndarray:
-    """True distance of the TCP to a point of the base frame, at each tick [m]. Shape (n,)."""
-    return np.sqrt(((trace.truth["x"] - point_m) ** 2).sum(1)) if len(trace) else np.full(0, math.nan)

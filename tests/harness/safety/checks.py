@@ -3,7 +3,15 @@
 from safety.arena import Arena
 from safety.energy import check_passive, check_tank, check_work
 from safety.findings import Finding
-from safety.limits import check_contact, check_finite, check_leash, check_torque
+from safety.limits import (
+    check_caps,
+    check_contact,
+    check_finite,
+    check_leash,
+    check_speed,
+    check_torque,
+    check_workspace,
+)
 from safety.modes import check_silence
 from safety.slew import check_slew
 from safety.trace import Trace
@@ -29,6 +37,9 @@ def check(arena: Arena, trace: Trace) -> list[Finding]:
         *check_transparent(trace),
         *check_leash(trace, config),
         *check_contact(trace, config),
+        *check_speed(trace, config),
+        *check_caps(trace, config),
+        *check_workspace(trace, arena.rig),
     ]
     # A nullspace spring has a potential that nobody counts, and a noisy arm is not where it seems to be.
     if not arena.noisy and config.nullspace_nm_rad == 0.0:

@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
 from wrenchflow.control.config import ControlConfig
-from wrenchflow.control.safeguards import LATCHED
+from wrenchflow.control.safeguards import LATCHED, LEASH, LEASH_ROTATION, RETREAT, TANK_DEBT
 from wrenchflow.rig import Rig
 
 TICK_S = 0.001
@@ -61,6 +61,47 @@ def check_leash(trace: Trace, config: ControlConfig) -> list[Finding]:
     ]
 
 
+def check_speed(trace: Trace, config: ControlConfig) -> list[Finding]:
+    """The reference goes no faster than allowed where nothing pulls it back: not the leash, not a debt, not a mode.
+
+    In the zone where contact is expected, tool and reference both in it, it has that zone's speed.
+    """
+    before, after = trace.before, trace.after
+    pulled = 1 << LEASH | 1 << LEASH_ROTATION | 1 << TANK_DEBT
+    voluntary = (after["acting"] & pulled == 0) & (before["mode"] == after["mode"]) & (after["mode"] <= RETREAT)
+    voluntary &= (before["tick"] > 0) & np.isfinite(after["R_d"]).all((1, 2)) & np.isfinite(before["R_d"]).all((1, 2))
+    speed = np.sqrt(((after["x_d"] - before["x_d"]) ** 2).sum(1)) / TICK_S
+    inside = voluntary.copy()
+    for place in (trace.obs["x"], before["x_d"], after["x_d"]):
+        inside &= ((place >= after["zone_min"]) & (place <= after["zone_max"])).all(1)
+    turned = np.full(len(trace), -np.inf)
+    steps = np.einsum("nij,nkj->nik", after["R_d"][voluntary], before["R_d"][voluntary])
+    turned[voluntary] = Rotation.from_matrix(steps).magnitude() / TICK_S if voluntary.any() else 0.0
+    return [
+        worst_of("speed of the reference [m/s]", speed, config.speed_max_m_s * (1.0 + 1e-6), voluntary),
+        worst_of("speed of the reference in the zone [m/s]", speed, config.zone_speed_m_s * (1.0 + 1e-6), inside),
+        worst_of("turning of the reference [rad/s]", turned, config.turn_max_rad_s * (1.0 + 1e-4), voluntary),
+    ]
+
+
+def check_caps(trace: Trace, config: ControlConfig) -> list[Finding]:
+    """Feed-forward is given within the caps of force and moment."""
+    given = trace.after["wrench_command"]
+    force, moment = (np.sqrt((given[:, half] ** 2).sum(1)) for half in (slice(0, 3), slice(3, 6)))
+    return [
+        worst_of("feed-forward [N]", force, config.force_max_n * ROUNDING),
+        worst_of("feed-forward [N.m]", moment, config.moment_max_nm * ROUNDING),
+    ]
+
+
+def check_workspace(trace: Trace, rig: Rig) -> list[Finding]:
+    """The reference stays in the workspace while the tool is in it."""
+    low, high = np.array(rig.workspace.min_m), np.array(rig.workspace.max_m)
+    inside = ((trace.obs["x"] > low) & (trace.obs["x"] < high)).all(1) & (trace.after["mode"] != LATCHED)
+    x_d = trace.after["x_d"]
+    return [worst_of("reference outside the workspace [m]", np.maximum(low - x_d, x_d - high), 1e-9, inside)]
+
+
 def normal_inertia(trace: Trace) -> np.ndarray:
     """Inertia that the tool has along the force that it exerts [kg], NaN where there is none. Shape (n,)."""
     force = trace.truth["contact"]
@@ -87,8 +128,8 @@ def check_contact(trace: Trace, config: ControlConfig) -> list[Finding]:
     speed = np.sqrt((trace.twist[:, :3] ** 2).sum(1)) + LEVER_M * np.sqrt((trace.twist[:, 3:] ** 2).sum(1))
     width = round(REST_S / TICK_S)
     recent = maximum_filter1d(speed, width, origin=(width - 1) // 2, mode="nearest")
-    pushed = (trace.truth["hand"] != 0.0).any(1)
-    alone = maximum_filter1d(pushed.astype(np.uint8), 2 * width, origin=(2 * width - 1) // 2, mode="nearest") == 0
+    pushed = trace.is_pushed.astype(np.uint8)
+    alone = maximum_filter1d(pushed, 2 * width, origin=(2 * width - 1) // 2, mode="nearest") == 0
     quasi_static = (recent < REST_M_S) & alone
     still = (recent < STANDSTILL_M_S) & alone
     inertia = normal_inertia(trace)

@@ -4,22 +4,24 @@ import numpy as np
 from safety.findings import Finding, worst_of
 from safety.trace import Trace
 
-from wrenchflow.control.safeguards import RUN
+from wrenchflow.control.safeguards import GATE_REQUEST, RUN
 
 SETTLED_TICKS = 3000
 SETTLED_SHARE = 0.01
 
 
 def check_silence(trace: Trace) -> list[Finding]:
-    """I5: the arm runs no longer than patience and one tick after the last request; then it slows down.
+    """I5: the arm runs no longer than patience and one tick after the last sound request; then it slows down.
 
-    When somebody asked is known from the log: the controller's own count of silent ticks is not looked at.
+    Patience is that of the last sound request: what is refused must not prolong it.
     """
     before, after = trace.before, trace.after
     ticks = np.arange(len(trace))
-    asked = np.maximum.accumulate(np.where((before["is_fresh"] != 0) & trace.truth["acted"], ticks, -1))
-    over = np.where(asked >= 0, ticks - asked - before["patience_ticks"], -1).astype(float)
-    expires = (before["patience_ticks"] > 0) & (after["mode"] == RUN)
+    sound = (before["is_fresh"] != 0) & (after["acting"] & 1 << GATE_REQUEST == 0)
+    asked = np.maximum.accumulate(np.where(sound, ticks, -1))
+    patience = before["patience_ticks"][np.maximum(asked, 0)]
+    expires = (asked >= 0) & (patience > 0) & (after["mode"] == RUN)
+    over = (ticks - asked - patience).astype(float)
     return [worst_of("I5 runs on in silence [ticks over]", over, 0.0, expires), *check_rest(trace)]
 
 

@@ -21,8 +21,8 @@ TRUTH = np.dtype(
         ("contact", "f8", 3),  # on all that the tool touches, mean of the tick [N]
         ("elsewhere", "f8", 3),  # on what the links touch [N]
         ("hand", "f8", 3),  # what somebody exerts on the robot [N]
+        ("hand_moment", "f8", 3),  # [N.m]
         ("contacts", "i8"),
-        ("acted", "?"),  # an adversary acted before this tick
         ("tampered", "?"),  # what the controller saw was not what the robot had measured
     ],
     align=True,
@@ -70,19 +70,39 @@ class Trace:
         return ((self.truth["q_after"] - self.truth["q"]) * self.after["tau"]).sum(1)
 
     @cached_property
+    def is_pushed(self) -> np.ndarray:
+        """Whether somebody pushed, at each tick. Shape (n,)."""
+        return (self.truth["hand"] != 0.0).any(1) | (self.truth["hand_moment"] != 0.0).any(1)
+
+    @cached_property
     def is_free(self) -> np.ndarray:
         """Whether nothing was touched and nobody pushed, at each tick. Shape (n,)."""
-        return (self.truth["contacts"] == 0) & (self.truth["hand"] == 0.0).all(1)
+        return (self.truth["contacts"] == 0) & ~self.is_pushed
 
 
 class Log:
     """Room for a trace, filled a tick at a time; raw bytes, for numpy copies a record of many fields slowly."""
 
-    def __init__(self, capacity: int) -> None:
-        self.arrays = tuple(np.zeros(capacity, dtype) for dtype in (OBS, REQ, CTL, CTL, TRUTH))
-        self.bytes = tuple(each.view(np.uint8).reshape(capacity, -1) for each in self.arrays[:4])
-        self.truth = {name: self.arrays[4][name] for name in TRUTH.names}
+    def __init__(self) -> None:
         self.count = 0
+        self.arrays = tuple(np.zeros(0, dtype) for dtype in (OBS, REQ, CTL, CTL, TRUTH))
+
+    def make_room(self, ticks: int) -> None:
+        """For so many ticks more."""
+        missing = self.count + ticks - len(self.arrays[0])
+        if missing > 0:
+            more = max(missing, len(self.arrays[0]))
+            self.arrays = tuple(np.concatenate([each, np.zeros(more, each.dtype)]) for each in self.arrays)
+
+    @property
+    def bytes(self) -> tuple[np.ndarray, ...]:
+        """Views of observation, request and the state before and after, a row of bytes a tick."""
+        return tuple(each.view(np.uint8).reshape(len(each), -1) for each in self.arrays[:4])
+
+    @property
+    def truth(self) -> dict[str, np.ndarray]:
+        """Views of what was so, by name."""
+        return {name: self.arrays[4][name] for name in TRUTH.names}
 
     @property
     def trace(self) -> Trace:
