@@ -22,24 +22,13 @@ from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import TAP_ROWS, Ring
-from wrenchflow.signals import IMPEDANCE, JOINT_TORQUE, JOINTS, POSE, TWIST, WRENCH
 from wrenchflow.sim.state import looks_of, looks_size
+from wrenchflow.sim.streams import COLUMNS
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
-from wrenchflow.source import Column, Source
+from wrenchflow.source import Source
 
 GOAL_US = 50.0
-COLUMNS = (
-    Column(name="joint_states", signal=JOINTS),
-    Column(name="joint_command", signal=JOINT_TORQUE),
-    Column(name="external_torque", signal=JOINT_TORQUE),
-    Column(name="tcp_pose", signal=POSE, frame="base"),
-    Column(name="tcp_twist", signal=TWIST, frame="base"),
-    Column(name="wrench_raw", signal=WRENCH, frame="sensor"),
-    Column(name="target_pose", signal=POSE, frame="base"),
-    Column(name="command_pose", signal=POSE, frame="base"),
-    Column(name="impedance", signal=IMPEDANCE, frame="base"),
-)
 ROW = [("t_ns", "i8"), ("sequence", "i8"), *((column.name, "f8", (column.signal.width,)) for column in COLUMNS)]
 
 

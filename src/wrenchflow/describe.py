@@ -65,6 +65,7 @@ def _recording(path: Path) -> dict[str, Any]:
         "size_bytes": info.size_bytes,
         "chunks": dict(info.chunks),
         "result": info.meta.get("result"),
+        "safety": info.meta.get("safety"),
         "recorded": info.meta.get("recorded"),
         "topics": {
             topic.name if names[topic.name] == 1 else f"{topic.name} ({topic.schema})": _topic(topic)

@@ -57,9 +57,27 @@ POSE = Signal("pose", ("x", "y", "z", "qw", "qx", "qy", "qz"), ("m",) * 3 + ("1"
 TWIST = Signal("twist", ("vx", "vy", "vz", "wx", "wy", "wz"), ("m/s",) * 3 + ("rad/s",) * 3)
 JOINTS = joints(ARM_JOINTS)
 JOINT_TORQUE = joint_torque(ARM_JOINTS)
-IMPEDANCE = Signal(
-    "impedance",
-    tuple(f"k_{part}_{row}{col}" for part in ("lin", "rot") for row in "xyz" for col in "xyz") + ("damping_ratio",),
-    ("N/m",) * 9 + ("N.m/rad",) * 9 + ("1",),
+_STIFFNESS = tuple(f"k_{part}_{row}{col}" for part in ("lin", "rot") for row in "xyz" for col in "xyz")
+_STIFFNESS_UNITS = ("N/m",) * 9 + ("N.m/rad",) * 9
+IMPEDANCE = Signal("impedance", (*_STIFFNESS, "damping_ratio"), (*_STIFFNESS_UNITS, "1"))
+# What was asked besides a pose: impedance, feed-forward, and the width of the gripper, NaN where none was asked.
+REQUEST = Signal(
+    "request",
+    (*IMPEDANCE.columns, *WRENCH.columns, "gripper"),
+    (*IMPEDANCE.units, *WRENCH.units, "m"),
+)
+# What the safety layer did, and why: its mode, the safeguard that changed it (-1 for none), those that intervened at
+# this tick as a number with a bit for each, energies and sums of work, the feed-forward that was given, and the norms
+# of the force and the moment that it felt and of the force that it looked for impacts in.
+GOVERNOR = Signal(
+    "governor",
+    (
+        *("mode", "cause", "acting"),
+        *("tank", "spring", "budget", "kinetic"),
+        *("damped", "fed", "posed", "saturated", "exerted", "filled"),
+        *WRENCH.columns,
+        *("force", "moment", "impact"),
+    ),
+    ("1",) * 3 + ("J",) * 10 + WRENCH.units + ("N", "N.m", "N"),
 )
 JOY = Signal("joy", ("x", "y", "z", "rx", "ry", "rz", "button_left", "button_right"), ("1",) * 8)

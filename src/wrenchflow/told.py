@@ -81,6 +81,7 @@ def recording_lines(found: Mapping[str, Any]) -> list[str]:
         "size": f"{found['size_bytes'] / 1e6:.3f} MB",
         "chunks": ", ".join(f"{count} {name}" for name, count in found["chunks"].items()) or None,
         "result": _pairs(found["result"]),
+        **_safety(found["safety"]),
     }
     topics = [
         (name, of["schema"] or "-", of["messages"], _rate(of["rate_hz"]), _said(of["gaps"]), _ms(of["longest_pause_s"]))
@@ -105,6 +106,20 @@ def recording_lines(found: Mapping[str, Any]) -> list[str]:
         attached = [(name, of["media_type"] or "-", of["size_bytes"]) for name, of in found["attachments"].items()]
         lines += ["", *_table("attachment|type", "bytes", attached)]
     return lines
+
+
+def _safety(said: Any) -> dict[str, str]:
+    """What the safety layer did, where a recording says so as ours do: its modes, what intervened, the extremes."""
+    try:
+        entered = ", ".join(f"{label} ({count})" for label, count in said["entered"].items())
+        return {
+            "modes": f"{_pairs(said['ticks'])} ticks" + (f"; entered {entered}" if entered else ""),
+            "intervened": f"{_pairs(said['interventions'])} ticks" if said["interventions"] else "nothing",
+            "extremes": f"leash in {said['leash_share']:.1%} of the ticks, tank down to {said['tank_min_j']:.2f} J, "
+            f"force up to {said['peak_force_n']:.1f} N, moment up to {said['peak_moment_nm']:.2f} N.m",
+        }
+    except (AttributeError, KeyError, TypeError, ValueError):  # Another writer's, or none.
+        return {}
 
 
 def _pairs(value: Any) -> str:

@@ -18,7 +18,20 @@ from wrenchflow.errors import RecordingError
 from wrenchflow.recording import schemas
 from wrenchflow.recording.reader import read_episode, read_info
 from wrenchflow.recording.write import write_episode
-from wrenchflow.signals import FORCE, IMPEDANCE, JOINT_TORQUE, JOINTS, JOY, POSE, TWIST, WRENCH, joints, mask
+from wrenchflow.signals import (
+    FORCE,
+    GOVERNOR,
+    IMPEDANCE,
+    JOINT_TORQUE,
+    JOINTS,
+    JOY,
+    POSE,
+    REQUEST,
+    TWIST,
+    WRENCH,
+    joints,
+    mask,
+)
 
 N = 1300
 T = 1_700_000_000_000_000_000 + np.arange(N, dtype=np.int64) * 1_000_000
@@ -34,6 +47,8 @@ def episode() -> Episode:
         "joint_states": JOINTS,
         "joint_command": JOINT_TORQUE,
         "impedance": IMPEDANCE,
+        "request": REQUEST,
+        "governor": GOVERNOR,
     }
     streams = {name: Stream(T, rng.normal(size=(N, s.width)), s, "base") for name, s in signals.items()}
     joy = np.hstack((rng.integers(-350, 350, (N, 6)), rng.integers(0, 2, (N, 2)))).astype(np.float64)

@@ -26,6 +26,8 @@ KILOHERTZ = {
     "target_pose",
     "command_pose",
     "impedance",
+    "request",
+    "governor",
 }
 
 

@@ -43,6 +43,8 @@ def test_what_is_recorded_while_it_happens_is_what_virtual_time_gives(tmp_path, 
         np.testing.assert_array_equal(episode[name].data, stream.data, err_msg=name)
         np.testing.assert_array_equal(episode[name].t - offset_ns, stream.t, err_msg=name)
     assert [event.moved(-offset_ns) for event in episode.events] == sorted(virtual.events)
+    assert episode.meta["safety"] == virtual.meta["safety"]
+    assert episode.meta["governor"] == virtual.meta["governor"]
     recorded = episode.meta["recorded"]
     assert recorded["control"]["rows"] == len(episode["tcp_pose"])
     assert all(source["dropped"] == 0 for source in recorded.values())

@@ -16,7 +16,21 @@ from wrenchflow.recording.reader import read_episode, read_info
 from wrenchflow.recording.schemas import message_type
 from wrenchflow.recording.write import write_episode
 from wrenchflow.recording.writer import EpisodeWriter
-from wrenchflow.signals import FORCE, IMPEDANCE, JOINTS, JOY, POSE, TWIST, WRENCH, Signal, joint_torque, joints, mask
+from wrenchflow.signals import (
+    FORCE,
+    GOVERNOR,
+    IMPEDANCE,
+    JOINTS,
+    JOY,
+    POSE,
+    REQUEST,
+    TWIST,
+    WRENCH,
+    Signal,
+    joint_torque,
+    joints,
+    mask,
+)
 
 KINDS = {
     "wrench": WRENCH,
@@ -27,6 +41,8 @@ KINDS = {
     "gripper": joints(1),
     "joint_torque": joint_torque(7),
     "impedance": IMPEDANCE,
+    "request": REQUEST,
+    "governor": GOVERNOR,
     "joy": JOY,
     "mask": mask(("spike", "drop, out", "saturation")),
 }
@@ -109,7 +125,9 @@ ATTACHMENTS = st.builds(
     st.integers(0, 2**64 - 1),
 )
 NAMES = st.sampled_from(["wrench_raw", "tcp_pose", "teleop/joy", "teleop/twist", "a", "ü"])
-META = st.dictionaries(TEXT | st.sampled_from(["id", "streams", "result", "format_version"]), JSON, max_size=4)
+META = st.dictionaries(
+    TEXT | st.sampled_from(["id", "streams", "result", "safety", "recorded", "format_version"]), JSON, max_size=4
+)
 
 
 @given(

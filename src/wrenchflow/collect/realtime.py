@@ -113,7 +113,8 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
             attempt.advance(attempt.target_pose, _HOLD_TICKS)
         for event in sorted((*attempt.events, *session.phases())):
             beat.recorder.event(event.moved(beat.offset_ns))
-        recorded = beat.recorder.finish({**to_mapping(attempt.outcome), "late_ticks": beat.late})
+        result = {**to_mapping(attempt.outcome), "late_ticks": beat.late}
+        recorded = beat.recorder.finish(result, attempt.ledger.summary())
         problems = [of["problem"] for of in recorded.values() if "problem" in of]
         return Demonstration(
             id=name,

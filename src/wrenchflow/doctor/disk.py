@@ -25,6 +25,8 @@ _RECORDED = (
     signals.TWIST,
     signals.WRENCH,
     signals.IMPEDANCE,
+    signals.REQUEST,
+    signals.GOVERNOR,
 )
 
 

@@ -13,6 +13,9 @@ CLOCK_SYNC = "clock_sync"
 METADATA = "wrenchflow"
 RESULT = "wrenchflow/result"
 RECOVERED = "wrenchflow/recovered"
+# What is known when an episode is over, as entries of the last of them: what came of it, what the safety layer did, how
+# the recording went.
+CLOSING = ("result", "safety", "recorded")
 # Keeps the entries of an episode's `meta` apart from ours.
 META_PREFIX = "meta."
 

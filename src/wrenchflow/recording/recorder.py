@@ -177,11 +177,12 @@ class Recorder:
         """Rows that found their ring full."""
         return sum(ring.dropped for ring in self._rings.values())
 
-    def finish(self, result: Any = None) -> dict[str, Any]:
+    def finish(self, result: Any = None, safety: Any = None) -> dict[str, Any]:
         """Let the writer write all that waits, and complete the file.
 
         Args:
             result: A JSON value that says what came of the episode.
+            safety: A JSON value that says what the safety layer did; None leaves it out.
 
         Returns:
             What the file says of each source and view: rows, missing numbers, drops, gaps, jitter, and problems.
@@ -194,7 +195,7 @@ class Recorder:
         try:
             problems = {name: said for camera in self._cameras for name, said in camera.stop().items()}
             with suppress(OSError):  # A writer that has gone may have said why: that is read below.
-                self._control.send(({} if result is None else result, problems))
+                self._control.send(({} if result is None else result, safety, problems))
             recorded = self._expect("finish", _FINISH_S)
             self._is_done = True
             return recorded

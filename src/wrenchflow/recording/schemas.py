@@ -53,6 +53,8 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "sensor_msgs/Joy": ("std_msgs/Header header", "float32[] axes", "int32[] buttons"),
 }
 
+# What no message has fields for: an array, whose label lists the columns.
+_ARRAYS = {signal.kind: signal for signal in (signals.IMPEDANCE, signals.REQUEST, signals.GOVERNOR)}
 _MESSAGE_OF_KIND = {
     "wrench": "geometry_msgs/msg/WrenchStamped",
     "force": "geometry_msgs/msg/Vector3Stamped",
@@ -60,7 +62,7 @@ _MESSAGE_OF_KIND = {
     "twist": "geometry_msgs/msg/TwistStamped",
     "joints": "sensor_msgs/msg/JointState",
     "joint_torque": "sensor_msgs/msg/JointState",
-    "impedance": "std_msgs/msg/Float64MultiArray",
+    **dict.fromkeys(_ARRAYS, "std_msgs/msg/Float64MultiArray"),
     "joy": "sensor_msgs/msg/Joy",
     "mask": "std_msgs/msg/UInt8MultiArray",
 }
@@ -178,7 +180,7 @@ def blank_message(signal: Signal, frame: str) -> dict[str, Any]:
         case "joy":
             buttons = _button_count(signal)
             return {"header": header, "axes": [0.0] * (signal.width - buttons), "buttons": [0] * buttons}
-        case "impedance" | "mask":
+        case kind if kind == "mask" or kind in _ARRAYS:
             # One dimension, whose label lists the columns, so that sizes still multiply to the length of the data.
             columns = {"label": ",".join(signal.columns), "size": signal.width, "stride": signal.width}
             return {"layout": {"dim": [columns]}, "data": [0] * signal.width}
@@ -223,4 +225,4 @@ def infer_signal(message: str, paths: Container[str], label: str) -> Signal | No
             count = length("data")
             return signals.mask(columns if len(columns) == count else tuple(f"flag{i + 1}" for i in range(count)))
         case _:
-            return signals.IMPEDANCE if label == ",".join(signals.IMPEDANCE.columns) else None
+            return next((signal for signal in _ARRAYS.values() if label == ",".join(signal.columns)), None)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchflow.episode import Episode
+from wrenchflow.recording.file_format import CLOSING
 from wrenchflow.recording.pending import CHUNK_BYTES, CHUNK_NS
 from wrenchflow.recording.writer import EpisodeWriter
 
@@ -13,7 +14,7 @@ _TARGET_BYTES = CHUNK_BYTES * 9 // 10
 
 
 def write_episode(path: Path, episode: Episode, compression: str = "zstd") -> None:
-    """Write a whole episode; `meta["result"]` goes into the record at the end. Equal episodes give equal bytes.
+    """Write a whole episode; what `meta` says of its end goes into the record there. Equal episodes give equal bytes.
 
     Args:
         path: Where the file goes; until it is complete it is called `<path>.partial`.
@@ -25,7 +26,7 @@ def write_episode(path: Path, episode: Episode, compression: str = "zstd") -> No
         StreamError: If a value cannot be represented in the message that carries it.
     """
     meta = dict(episode.meta)
-    result, recorded = (meta.pop(key) if meta.get(key) is not None else None for key in ("result", "recorded"))
+    closing = {key: meta.pop(key) for key in CLOSING if meta.get(key) is not None}
     with EpisodeWriter(
         path,
         id=episode.id,
@@ -39,7 +40,7 @@ def write_episode(path: Path, episode: Episode, compression: str = "zstd") -> No
         for name, messages in episode.messages.items():
             writer.add_messages(name, messages.type)
         _write_windows(writer, episode)
-        writer.finish(result, recorded)
+        writer.finish(**closing)
 
 
 def _write_windows(writer: EpisodeWriter, episode: Episode) -> None:

@@ -266,20 +266,20 @@ class EpisodeWriter:
         """Make sure that the chunks so far survive a loss of power; may take tens of milliseconds."""
         self._sink.sync()
 
-    def finish(self, result: Any = None, recorded: Any = None) -> None:
+    def finish(self, result: Any = None, recorded: Any = None, safety: Any = None) -> None:
         """Complete the file and give it its final name.
 
         Args:
             result: A JSON value that says what came of the episode; None leaves it out.
             recorded: A JSON value that says how the recording went; None leaves it out.
+            safety: A JSON value that says what the safety layer did; None leaves it out.
 
         Raises:
             OutputError: If the file cannot be completed.
             StreamError: If JSON cannot hold the result.
         """
-        entries = {} if result is None else {"result": _json("result", result)}
-        if recorded is not None:
-            entries["recorded"] = _json("recorded", recorded)
+        closing = {"result": result, "safety": safety, "recorded": recorded}
+        entries = {key: _json(key, value) for key, value in closing.items() if value is not None}
         self.flush()
         topics = {**self._topics, **self._others}
         counts = {"/" + EVENTS: self._n_events} | {f"/{name}": topic.count for name, topic in topics.items()}

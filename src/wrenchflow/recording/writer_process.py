@@ -33,7 +33,7 @@ from wrenchflow.recording.writer import EpisodeWriter
 from wrenchflow.source import OFFSET, RECEIVED, SEQUENCE, Source, T, samples_of
 
 EVENT = np.dtype([("start_ns", "i8"), ("stop_ns", "i8"), ("kind", "S32"), ("label", "S96")], align=True)
-EVENT_CAPACITY = 256
+EVENT_CAPACITY = 4096  # All events of an episode may be told at its end, at once.
 _POLL_S = 0.02
 _ROWS = 1024  # Taken at once: what is written of them stays in a fast cache, and in memory that was touched before.
 _SYNC_S = 1.0
@@ -105,9 +105,9 @@ def run_writer(job: Job, control: Connection) -> None:
     os._exit(0)
 
 
-# What came of the episode, and what went wrong with which camera.
-_End = tuple[Any, Mapping[str, str]]
-_DIED: _End = ({"success": False, "failure": "the control process died"}, {})
+# What came of the episode, what the safety layer did, and what went wrong with which camera.
+_End = tuple[Any, Any, Mapping[str, str]]
+_DIED: _End = ({"success": False, "failure": "the control process died"}, None, {})
 
 
 def _receive(control: Connection) -> _End:
@@ -231,7 +231,7 @@ class _Writing:
         clock_type = schemas.message_type(schemas.CLOCK_MESSAGE)
         self._writer.write_messages(CLOCK_SYNC, Messages(clock_type, t, np.full(len(t), now_ns), numbers, payloads))
 
-    def finish(self, result: Any, problems: Mapping[str, str]) -> dict[str, Any]:
+    def finish(self, result: Any, safety: Any, problems: Mapping[str, str]) -> dict[str, Any]:
         """Write what still waits, complete the file, and return what it says of each source."""
         while self.drain():
             continue
@@ -243,7 +243,7 @@ class _Writing:
         recorded["events"] = {"dropped": self._events.dropped}
         for name, problem in problems.items():
             recorded.setdefault(name, {})["problem"] = problem
-        self._writer.finish(result, recorded)
+        self._writer.finish(result, recorded, safety)
         return recorded
 
     def close(self, *, unlink: bool) -> None:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,10 +13,12 @@ from jaxtyping import Float
 
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS, TICK_S, Controller
+from wrenchflow.control.safeguards import MODES, SAFEGUARDS
 from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.ledger import STREAM, Ledger
 from wrenchflow.messages import Attachment
 from wrenchflow.rig import Rig
-from wrenchflow.signals import POSE
+from wrenchflow.signals import GOVERNOR, POSE
 from wrenchflow.sim.config import AttemptConfig
 from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.state import looks_of, model_bytes, state_of
@@ -59,6 +61,7 @@ class Attempt:
         beat: "Callable[[Attempt], Beat] | None" = None,
         glance: Glance | None = None,
         glance_hz: float = 30.0,
+        without: Iterable[str] = (),
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -73,6 +76,7 @@ class Attempt:
                 one, and may be paced by a clock. Without it they run as fast as they can.
             glance: Called `glance_hz` times a second; what happens does not depend on it.
             glance_hz: Pictures a second.
+            without: Safeguards that are left out, to see what each is worth.
         """
         scene_rng, plant_rng, self.rng = generators(seed)
         self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
@@ -81,7 +85,8 @@ class Attempt:
         task.place(model, data, self.scene)
         capacity_s = config.tare_s + task.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
-        self.controller = Controller(rig, config.control)
+        self.controller = Controller(rig, config.control, without=without)
+        self.controller.set_contact_zone(*task.contact_zone(self.scene))
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
         self._glance, self._glance_hz, self._glances = glance, glance_hz, 0
@@ -95,11 +100,20 @@ class Attempt:
         self.target_pose: Float[np.ndarray, " 7"] = self.controller.target_pose
 
     def advance(
-        self, target: Float[np.ndarray, " 7"], ticks: int, disturbance_m: Float[np.ndarray, " 3"] | None = None
+        self,
+        target: Float[np.ndarray, " 7"],
+        ticks: int,
+        disturbance_m: Float[np.ndarray, " 3"] | None = None,
+        every_s: float = math.inf,
     ) -> np.ndarray:
         """Move the target to `target` in a straight segment of `ticks` ticks; returns the new rows."""
         self.controller.ask(
-            self.target_pose, target, ticks=ticks, impedance=self._impedance, disturbance_m=disturbance_m
+            self.target_pose,
+            target,
+            ticks=ticks,
+            impedance=self._impedance,
+            disturbance_m=disturbance_m,
+            every_s=every_s,
         )
         self.target_pose = target
         return self._run(ticks)
@@ -160,11 +174,18 @@ class Attempt:
         return self.task.progress(self.scene, self.plant.true_tcp_pose) >= 1.0
 
     @property
-    def events(self) -> tuple[Event, Event]:
-        """The tare, and how things stand now as the end."""
+    def events(self) -> tuple[Event, ...]:
+        """The tare, what the safety layer did, and how things stand now as the end."""
         end_ns, outcome = int(self.plant.recorded["t_ns"][-1]), self.outcome
         end = Event(end_ns, end_ns, "success" if outcome.success else "failure", outcome.failure)
-        return self.tare, end
+        return self.tare, *self.ledger.events, end
+
+    @property
+    def ledger(self) -> Ledger:
+        """The safety layer's account so far."""
+        rows = self.plant.recorded
+        governor = Stream(rows["t_ns"].copy(), rows[STREAM].copy(), GOVERNOR, "base")
+        return Ledger(governor=governor, modes=MODES, safeguards=tuple(SAFEGUARDS))
 
     @property
     def meta(self) -> dict[str, Any]:
@@ -173,6 +194,7 @@ class Attempt:
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
             "impedance": to_mapping(self._impedance),
+            STREAM: {"modes": list(MODES), "safeguards": list(SAFEGUARDS)},
             # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {
                 "mujoco": mujoco.__version__,
@@ -217,7 +239,7 @@ class Attempt:
             self.task.name,
             {**streams_of(rows), "goal_pose": goal, **streams},
             (*self.events, *events),
-            {**self.meta, **meta, "result": to_mapping(outcome)},
+            {**self.meta, **meta, "result": to_mapping(outcome), "safety": self.ledger.summary()},
             attachments=self.attachments(meta),
         )
 

@@ -1,12 +1,16 @@
 """One row a tick: all that a recording is made of, stored by compiled code."""
 
+import math
+
 import numpy as np
 
+from wrenchflow import signals
 from wrenchflow.compiled import kernel
 from wrenchflow.control.records import JOINTS
 from wrenchflow.so3 import quat_into
 
-# Poses are x y z, then wxyz with a sign that does not flip from row to row.
+# Poses are x y z, then wxyz with a sign that does not flip from row to row. `impedance` is what was given, `request`
+# what was asked for, and `governor` why they differ.
 ROW = np.dtype(
     [
         ("t_ns", "i8"),
@@ -18,7 +22,9 @@ ROW = np.dtype(
         ("wrench_raw", "f8", 6),
         ("target_pose", "f8", 7),
         ("command_pose", "f8", 7),
-        ("impedance", "f8", 19),
+        ("impedance", "f8", signals.IMPEDANCE.width),
+        ("request", "f8", signals.REQUEST.width),
+        ("governor", "f8", signals.GOVERNOR.width),
     ],
     align=True,
 )
@@ -54,7 +60,32 @@ def _record(obs, ctl, rows, index):
         for j in range(3):
             row.impedance[3 * i + j] = ctl.K_lin[i, j]
             row.impedance[9 + 3 * i + j] = ctl.K_rot[i, j]
+            row.request[3 * i + j] = ctl.K_lin_target[i, j]
+            row.request[9 + 3 * i + j] = ctl.K_rot_target[i, j]
     row.impedance[18] = ctl.damping_ratio
+    row.request[18] = ctl.damping_ratio_target
+    for a in range(6):
+        row.request[19 + a] = ctl.wrench_target[a]
+    row.request[25] = ctl.gripper_target
+    _governor_into(ctl, row.governor)
+
+
+@kernel
+def _governor_into(ctl, out):
+    # In the order of the columns of signals.GOVERNOR; a test holds it.
+    out[0], out[1], out[2] = ctl.mode, ctl.cause, ctl.acting
+    out[3], out[4], out[5], out[6] = ctl.tank, ctl.spring, ctl.budget, ctl.kinetic
+    out[7], out[8], out[9] = ctl.damped, ctl.fed, ctl.posed
+    out[10], out[11], out[12] = ctl.saturated, ctl.exerted, ctl.filled
+    for a in range(6):
+        out[13 + a] = ctl.wrench_command[a]
+    out[19], out[20], out[21] = _norm(ctl.wrench, 0), _norm(ctl.wrench, 3), _norm(ctl.impact, 0)
+
+
+@kernel
+def _norm(vector, first):
+    x, y, z = vector[first], vector[first + 1], vector[first + 2]
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @kernel

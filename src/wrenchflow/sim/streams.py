@@ -17,6 +17,8 @@ COLUMNS = (
     Column(name="target_pose", signal=signals.POSE, frame="base"),
     Column(name="command_pose", signal=signals.POSE, frame="base"),
     Column(name="impedance", signal=signals.IMPEDANCE, frame="base"),
+    Column(name="request", signal=signals.REQUEST, frame="base"),
+    Column(name="governor", signal=signals.GOVERNOR, frame="base"),
     Column(name="external_torque", signal=signals.JOINT_TORQUE, lag_ns=TICK_NS),
     Column(name="wrench_raw", signal=signals.WRENCH, frame="sensor", lag_ns=TICK_NS),
 )
