@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.random import Generator
 from safety.arena import Arena
+from safety.packets import bad_plans, plans
 
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ControlError
@@ -308,6 +309,8 @@ CARRIERS: dict[str, Adversary] = {
     "resonance": resonance,
     "push into": push_into,
     "silence": silence,
+    "plans": plans,
+    "bad plans": bad_plans,
 }
 RIDERS: dict[str, tuple[Adversary, Adversary]] = {
     "gain pumping": (bang_bang, gain_pumping),

@@ -27,8 +27,6 @@ PERFECT = Measurement(
     ),
 )
 _AWAY_M = (5.0, 5.0, 0.0)
-# Half of the box about the hole's mouth where contact is expected: the block, the peg's radius, and 10 mm.
-ZONE_M = np.array([0.075, 0.075, 0.04])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +108,7 @@ class Arena:
         self.config = control or ControlConfig(ramp_s=0.2)
         self.controller = Controller(self.rig, self.config, without=without)
         if self.place.block:
-            self.controller.set_contact_zone(scene.T_base_goal[:3] - ZONE_M, scene.T_base_goal[:3] + ZONE_M)
+            self.controller.set_contact_zone(*task.contact_zone(scene))
         self.tampers: dict[str, Tamper] = {}
         # A hand holds the flange, above the sensor: what it does to the tool goes through it. Base axes.
         self.hand_n, self.hand_nm = np.zeros(3), np.zeros(3)

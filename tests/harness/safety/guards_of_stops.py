@@ -1,6 +1,7 @@
 """Scenarios of what changes the mode: somebody falls silent, something hits or presses, the robot or a clock fails."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from safety.adversaries import moved, retarget
@@ -8,11 +9,13 @@ from safety.arena import Arena
 from safety.checks import check
 from safety.findings import Finding
 from safety.modes import check_rest, check_silence
+from safety.packets import now_ns, plan_of
 from safety.trace import Trace
 from scipy.signal import butter, sosfilt
 
-from wrenchflow.control.config import ControlConfig
-from wrenchflow.control.safeguards import LATCHED, RETREAT, RUN, SOFT_STOP
+from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.plan import packet_of
+from wrenchflow.control.safeguards import HOLD, LATCHED, RETREAT, RUN, SOFT_STOP
 
 CONFIG = ControlConfig(ramp_s=0.1)
 TICK_S = 0.001
@@ -37,6 +40,17 @@ def silence(without: tuple[str, ...]) -> list[Finding]:
     retarget(arena, moved(arena, [0.05, 0.0, 0.0]), 1000, every_s=0.05)
     arena.run(400)
     return check_silence(arena.log.trace)
+
+
+def plan_end(without: tuple[str, ...]) -> list[Finding]:
+    """A plan of 50 ms from a policy that will not plan again for a second: it is not waited for."""
+    arena = _running("free", without)
+    pose = moved(arena, [0.01, 0.0, 0.0])[None]
+    plan = replace(plan_of(arena, pose, Impedance()), period_ns=1_000_000_000)
+    arena.controller.accept(packet_of(plan), now_ns(arena))
+    start = arena.log.count + 50
+    arena.run(400)
+    return [stopped(arena.log.trace, "a plan that is used up", start, 2, HOLD)]
 
 
 def hold_expired(without: tuple[str, ...]) -> list[Finding]:
@@ -173,9 +187,10 @@ def emergency_stop(without: tuple[str, ...]) -> list[Finding]:
     return [stopped(arena.log.trace, "an emergency stop", start, 0, LATCHED)]
 
 
-assert RUN < RETREAT < SOFT_STOP < LATCHED
+assert RUN < HOLD < RETREAT < SOFT_STOP < LATCHED
 STOPS = {
     "silence": silence,
+    "plan-end": plan_end,
     "hold-expired": hold_expired,
     "force": force,
     "moment": moment,
