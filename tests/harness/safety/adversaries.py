@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.random import Generator
+
 from safety.arena import Arena
 from safety.packets import bad_plans, plans
-
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ControlError
 from wrenchflow.spatial import compose, exp_so3, make_pose

@@ -6,8 +6,8 @@ from functools import cache
 
 import mujoco
 import numpy as np
-from safety.trace import Log, Trace
 
+from safety.trace import Log, Trace
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.controller import Controller
 from wrenchflow.rig import Rig, load_rig
@@ -175,7 +175,7 @@ class Arena:
             # MuJoCo's external forces are those on the body, and hold what is applied besides contacts.
             truth["contact"][k] = -data.cfrc_ext[self._tool, 3:]
             truth["elsewhere"][k] = self.hand_n - data.cfrc_ext[1 : self._tool, 3:].sum(0)
-            truth["contacts"][k] = data.ncon
+            truth["constraint"][k], truth["contacts"][k] = data.qfrc_constraint, data.ncon
         log.count += ticks
         _require_stable(data)
 

@@ -3,6 +3,7 @@
 from safety.arena import Arena
 from safety.energy import check_passive, check_tank, check_work
 from safety.findings import Finding
+from safety.ledger import check_ledger
 from safety.limits import (
     check_caps,
     check_contact,
@@ -30,6 +31,7 @@ def check(arena: Arena, trace: Trace) -> list[Finding]:
     found = [
         *check_tank(trace),
         *check_work(trace, config, *noise),
+        *check_ledger(trace, config, *noise),
         *check_torque(trace, arena.rig, config),
         *check_finite(trace),
         *check_silence(trace),

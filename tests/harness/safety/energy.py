@@ -4,10 +4,10 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from safety.findings import Finding, worst_of
-from safety.trace import Trace
 from scipy.spatial.transform import Rotation
 
+from safety.findings import Finding, worst_of
+from safety.trace import Trace
 from wrenchflow.control.config import ControlConfig
 from wrenchflow.control.safeguards import LATCHED, SOFT_STOP, TORQUE, TORQUE_RATE
 

@@ -1,12 +1,12 @@
 """Scenarios of what guards a request: gates, ranges, slews, leash, speeds, caps, and the limits of torque."""
 
 import numpy as np
+
 from safety.adversaries import Script, moved, retarget, seen_twist
 from safety.arena import Arena
 from safety.checks import check
 from safety.findings import Finding, worst_of
 from safety.limits import check_torque
-
 from wrenchflow.control.config import ControlConfig
 
 PLAIN = {"noisy": False, "control": ControlConfig(ramp_s=0.1)}

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+
 from safety.adversaries import Script, moved, retarget, seen_twist
 from safety.arena import Arena
 from safety.checks import check
 from safety.energy import check_tank, check_work
 from safety.findings import Finding
-
 from wrenchflow.control.config import ControlConfig
 
 # Next to nothing in the tank, and nothing that comes in.

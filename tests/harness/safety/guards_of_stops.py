@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import butter, sosfilt
+
 from safety.adversaries import moved, retarget
 from safety.arena import Arena
 from safety.checks import check
@@ -11,8 +13,6 @@ from safety.findings import Finding
 from safety.modes import check_rest, check_silence
 from safety.packets import now_ns, plan_of
 from safety.trace import Trace
-from scipy.signal import butter, sosfilt
-
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.plan import packet_of
 from wrenchflow.control.safeguards import HOLD, LATCHED, RETREAT, RUN, SOFT_STOP

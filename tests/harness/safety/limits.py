@@ -1,12 +1,12 @@
 """Limits that hold at every tick whatever is asked: torque and its rate, finite numbers, leash, force of contact."""
 
 import numpy as np
-from safety.findings import Finding, worst_of
-from safety.trace import Trace
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
+from safety.findings import Finding, worst_of
+from safety.trace import Trace
 from wrenchflow.control.config import ControlConfig
 from wrenchflow.control.safeguards import LATCHED, LEASH, LEASH_ROTATION, RETREAT, TANK_DEBT
 from wrenchflow.rig import Rig

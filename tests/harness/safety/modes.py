@@ -1,9 +1,9 @@
 """I5: who falls silent is not followed for long, and the arm comes to rest."""
 
 import numpy as np
+
 from safety.findings import Finding, worst_of
 from safety.trace import Trace
-
 from wrenchflow.control.safeguards import GATE_REQUEST, RUN
 
 SETTLED_TICKS = 3000

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
-from safety.arena import Arena
 
+from safety.arena import Arena
 from wrenchflow.control.config import Impedance
 from wrenchflow.control.plan import Plan, packet_of
 

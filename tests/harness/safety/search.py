@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
+
 from safety.adversaries import Script, moved, retarget, seen_twist
 from safety.arena import Arena
 from safety.findings import Finding
@@ -67,49 +68,40 @@ class Worst:
         genes: Of `tuned`. Shape (GENES,).
         seed: Of the arena.
         finding: Of the invariant that was searched for.
-        broken: Every finding of any run that did not hold, the search's own aim or not.
-        ticks: How many ticks were looked at.
     """
 
     genes: np.ndarray
     seed: int
     finding: Finding
-    broken: tuple[Finding, ...]
-    ticks: int
 
 
 def search(
-    run: Callable[[np.ndarray, int], list[Finding]],
+    attempt: Callable[[np.ndarray, int], list[Finding]],
     aim: str,
     rng: Generator,
     *,
     draws: int,
     refinements: int,
-    ticks: int,
 ) -> Worst:
-    """Look for the genes that bring one finding nearest to, or furthest over, its limit.
+    """Look for the genes that bring one finding nearest to its limit, or furthest over it.
 
     Args:
-        run: Takes genes and a seed, and returns the findings of a run.
+        attempt: Takes genes and a seed, and returns the findings of a run.
         aim: Name of the finding.
         rng: Every random number.
-        draws: Runs with genes drawn at random.
-        refinements: Runs with the worst genes changed a little, with ever smaller steps.
-        ticks: Of one run, for the count.
+        draws: Attempts with genes drawn at random, 1 at least.
+        refinements: Attempts with the worst genes changed a little, by ever smaller steps.
     """
-    worst, broken, spread = None, [], 0.25
+    worst, spread = None, 0.25
     for k in range(draws + refinements):
-        seed = int(rng.integers(1 << 31))
-        if k < draws or worst is None:
-            genes = rng.random(GENES)
-        else:
-            genes = np.clip(worst.genes + spread * rng.normal(size=GENES) * (rng.random(GENES) < 0.4), 0.0, 1.0)
-        found = run(genes, seed)
-        broken += [each for each in found if not each.holds]
-        mine = next(each for each in found if each.name == aim)
+        seed, genes = int(rng.integers(1 << 31)), rng.random(GENES)
+        if worst is not None and k >= draws:
+            chosen = rng.random(GENES) < 0.4
+            genes = np.clip(worst.genes + spread * chosen * rng.normal(size=GENES), 0.0, 1.0)
+        mine = next(each for each in attempt(genes, seed) if each.name == aim)
         if worst is None or not mine.worst <= worst.finding.worst:
-            worst = Worst(genes, seed, mine, (), 0)
+            worst = Worst(genes, seed, mine)
         elif k >= draws:
             spread = max(0.02, 0.9 * spread)
-    assert worst is not None
-    return Worst(worst.genes, worst.seed, worst.finding, tuple(broken), ticks * (draws + refinements))
+    assert worst is not None, "a search draws at least once"
+    return worst

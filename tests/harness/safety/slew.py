@@ -5,9 +5,9 @@ written, with the matrix D = 2 zeta sqrt(m) K^(1/2) of the largest inertia, by e
 """
 
 import numpy as np
+
 from safety.findings import Finding, worst_of
 from safety.trace import Trace
-
 from wrenchflow.control.config import ControlConfig
 from wrenchflow.control.safeguards import LATCHED
 

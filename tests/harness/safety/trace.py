@@ -20,6 +20,7 @@ TRUTH = np.dtype(
         ("M", "f8", (JOINTS, JOINTS)),
         ("contact", "f8", 3),  # on all that the tool touches, mean of the tick [N]
         ("elsewhere", "f8", 3),  # on what the links touch [N]
+        ("constraint", "f8", JOINTS),  # joint torque of contacts and ends on the robot, mean of the tick [N.m]
         ("hand", "f8", 3),  # what somebody exerts on the robot [N]
         ("hand_moment", "f8", 3),  # [N.m]
         ("contacts", "i8"),

@@ -1,9 +1,9 @@
 """I8: a safety layer that does not act changes nothing, to the last bit."""
 
 import numpy as np
+
 from safety.findings import Finding, worst_of
 from safety.trace import Trace
-
 from wrenchflow.control import impedance as law
 from wrenchflow.control.safeguards import SAFEGUARDS
 from wrenchflow.control.schedule import make_schedule
