@@ -10,8 +10,8 @@ from safety.scenarios import SCENARIOS, broken_without
 from wrenchflow.control.plan import packet_of
 from wrenchflow.control.safeguards import SAFEGUARDS
 
-QUICK = {str(each): each for each in all_runs(90_000, 1000, seed=0)}
-SEARCHES = {str(each): each for each in all_searches(16_000, seed=0)}
+QUICK = {str(each): each for each in all_runs(70_000, 800, seed=0)}
+SEARCHES = {str(each): each for each in all_searches(12_000, seed=0)}
 
 
 @pytest.mark.parametrize("each", QUICK.values(), ids=QUICK)

@@ -96,6 +96,7 @@ class Arena:
         self.place, self.rig, self.noisy = PLACES[place], _rig(noisy), noisy
         task, _, model = scenery("peg-insertion", "panda_peg")
         rng = np.random.default_rng((seed, 17))
+        self.rng = np.random.default_rng((seed, 19))  # For scripts that are given no other.
         scene, data = task.draw(model, rng), mujoco.MjData(model)
         self.T_base_goal = scene.T_base_goal
         start = self.pose_of(np.array(self.place.start_m))
@@ -141,6 +142,7 @@ class Arena:
         """
         stop, due = self.log.count + ticks, [self.log.count] * len(scripts)
         playing = list(scripts)
+        self.log.make_room(ticks)
         while self.log.count < stop:
             for i, script in enumerate(playing):
                 if due[i] <= self.log.count:
@@ -180,11 +182,12 @@ class Arena:
         _require_stable(data)
 
 
+_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in ("BADQPOS", "BADQVEL", "BADQACC")]
+
+
 def _require_stable(data: mujoco.MjData) -> None:
-    for warning in ("BADQPOS", "BADQVEL", "BADQACC"):
-        number = data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{warning}")].number
-        if number:
-            raise FloatingPointError(f"the simulation became unstable ({warning}).")
+    if any(data.warning.number[_UNSTABLE]):
+        raise FloatingPointError("the simulation became unstable.")
 
 
 @cache

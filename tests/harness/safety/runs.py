@@ -83,7 +83,7 @@ def play(run: Run) -> Outcome:
     return _outcome(run, check(arena, trace), [_counts(trace)])
 
 
-def play_search(run: Run, ticks: int = 1000) -> Outcome:
+def play_search(run: Run, ticks: int = 750) -> Outcome:
     """Search for the worst input at one place, with `ticks` ticks an attempt."""
     counted: list[Counts] = []
     findings: list[Finding] = []

@@ -12,7 +12,8 @@ from safety.arena import Arena
 from safety.findings import Finding
 
 GENES = 16
-_ACTS_EVERY = 2  # ticks
+_ACTS_EVERY = 5  # ticks
+_EYE = np.eye(3)
 
 
 def _between(gene: float, low: float, high: float) -> float:
@@ -44,16 +45,16 @@ def tuned(arena: Arena, genes: np.ndarray) -> Script:
     now = 0
     while True:
         twist, req, ctl = seen_twist(arena), arena.controller.req[0], arena.controller.ctl[0]
-        along = twist[:3] / max(float(np.linalg.norm(twist[:3])), 1e-3)
-        around = twist[3:] / max(float(np.linalg.norm(twist[3:])), 1e-2)
+        along = twist[:3] / max(math.hypot(*twist[:3]), 1e-3)
+        around = twist[3:] / max(math.hypot(*twist[3:]), 1e-2)
         wave = math.sin(2.0 * math.pi * now / period)
         turned = math.copysign(1.0, math.sin(2.0 * math.pi * now / turn_period))
         pose = moved(arena, swing_m * wave * line, turn_rad * turned * axis)
         pose[:3] += lead_m * along
         retarget(arena, pose, _ACTS_EVERY)
         drives = float(ctl["e"] @ twist) > 0.0 if follows else math.sin(2.0 * math.pi * now / period + phase) > 0.0
-        req["K_lin"] = np.eye(3) * (stiff if drives else soft)
-        req["K_rot"] = np.eye(3) * (stiff if drives else soft) * 0.04
+        req["K_lin"] = _EYE * (stiff if drives else soft)
+        req["K_rot"] = _EYE * (stiff if drives else soft) * 0.04
         req["damping_ratio"] = 0.1 if drives else damped
         req["wrench"] = np.concatenate([force_n * along, moment_nm * around])
         now += _ACTS_EVERY

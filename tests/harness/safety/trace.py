@@ -92,8 +92,7 @@ class Log:
         """For so many ticks more."""
         missing = self.count + ticks - len(self.arrays[0])
         if missing > 0:
-            more = max(missing, len(self.arrays[0]))
-            self.arrays = tuple(np.concatenate([each, np.zeros(more, each.dtype)]) for each in self.arrays)
+            self.arrays = tuple(_longer(each, max(missing, len(each))) for each in self.arrays)
 
     @property
     def bytes(self) -> tuple[np.ndarray, ...]:
@@ -109,3 +108,9 @@ class Log:
     def trace(self) -> Trace:
         """All so far, as views."""
         return Trace(*(each[: self.count] for each in self.arrays))
+
+
+def _longer(array: np.ndarray, by: int) -> np.ndarray:
+    longer = np.zeros(len(array) + by, array.dtype)
+    longer.view(np.uint8)[: array.nbytes] = array.view(np.uint8)
+    return longer
