@@ -302,8 +302,9 @@ def _damp(obs, ctl):
             s -= ctl.D[a, b] * V[b]
         F[a] = s
     if is_on(ctl, ARM_SPEED):
-        _brake_excess(ctl, 0, ctl.arm_speed_share * speed_max(ctl, obs.x) / TICK_S)
-        _brake_excess(ctl, 3, ctl.arm_speed_share * ctl.turn_step_max / TICK_S)
+        step = ctl.arm_speed_share * speed_max(ctl, obs.x)
+        _brake_excess(ctl, 0, step / TICK_S)
+        _brake_excess(ctl, 3, step / ctl.x_step_max * ctl.turn_step_max / TICK_S)
     fill(ctl.tau_damping, 0.0)
     _add_torque(obs, F, ctl.tau_damping)
     brake = ctl.brake * (1.0 - ctl.gain) if ctl.mode == SOFT_STOP else 0.0
