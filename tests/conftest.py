@@ -101,10 +101,73 @@ def peg_plant(peg, peg_model, rig):
             mujoco.mj_forward(model, data)
         plant = Plant(model, data, with_rig, measurement or Measurement(), rng, capacity_s=capacity_s)
         controller = Controller(with_rig, control or ControlConfig())
+        controller.set_contact_zone(*peg.contact_zone(scene))
         plant.begin(controller, impedance or Impedance())
         return plant, controller, scene
 
     return make
+
+
+@pytest.fixture(scope="session")
+def follow():
+    """Make what follows plans and nothing else: a schedule and the targets that it writes. Times are in ms.
+
+    It begins in RUN, at rest at (0, 0, 0.1) with a tool that points down, in a workspace from -0.5 to 0.5 m.
+    """
+    from wrenchflow.control import schedule as plans
+    from wrenchflow.control.config import Impedance
+    from wrenchflow.control.packet import reason_of
+    from wrenchflow.control.plan import Plan, packet_of
+    from wrenchflow.control.records import CTL
+
+    class Follower:
+        start_ns = 1_577_836_801_000_000_000
+
+        def __init__(self, **constants):
+            self.schedule = plans.make_schedule((-0.5,) * 3, (0.5,) * 3, **constants)
+            self.ctl = np.zeros(1, CTL)
+            state = self.ctl[0]
+            state["x_target"], state["R_target"] = [0.0, 0.0, 0.1], np.diag([1.0, -1.0, -1.0])
+            state["K_lin_target"], state["K_rot_target"] = 500.0 * np.eye(3), 20.0 * np.eye(3)
+            state["damping_ratio_target"], state["gripper_target"] = 0.8, np.nan
+
+        def ns(self, t_ms):
+            return self.start_ns + np.rint(np.multiply(t_ms, 1e6)).astype(np.int64)
+
+        def packet(self, t_ms, poses, t_obs_ms, *, period_ms=50, **given):
+            """A packet of waypoints at `t_ms`, made from an observation at `t_obs_ms`."""
+            fields = {name: given.pop(name) for name in ("wrench", "gripper") if name in given}
+            t_obs_ns, period_ns = int(self.ns(t_obs_ms)), round(period_ms * 1e6)
+            plan = Plan.of_poses(self.ns(t_ms), poses, Impedance(), t_obs_ns=t_obs_ns, period_ns=period_ns, **fields)
+            packet = packet_of(plan)
+            for name, values in given.items():
+                packet[name][0, : len(t_ms)] = values
+            return packet
+
+        def accept(self, packet, now_ms):
+            """What becomes of a packet at a time, by name."""
+            now_ns = int(self.ns(now_ms))
+            return reason_of(int(plans.accept(packet[0], self.schedule[0], self.ctl[0], now_ns)))
+
+        def at(self, t_ms):
+            """The record of targets at a time, as a copy."""
+            plans.evaluate(self.schedule[0], int(self.ns(t_ms)), self.ctl[0])
+            return self.ctl[0].copy()
+
+        def counts(self):
+            """Packets by what became of them, those that were."""
+            return {reason_of(i): int(n) for i, n in enumerate(self.schedule[0]["counts"]) if n}
+
+        def clone(self, **constants):
+            """One that stands where this one stands, with other constants."""
+            other = Follower(**constants)
+            kept = {name: other.schedule[0][name].copy() for name in ("lead_ns", "blend_ns", "oldest_ns")}
+            other.schedule[:], other.ctl[:] = self.schedule, self.ctl
+            for name, value in kept.items():
+                other.schedule[0][name] = value
+            return other
+
+    return Follower
 
 
 @pytest.fixture(scope="session")

@@ -1,17 +1,19 @@
 """TOML to frozen dataclasses and back to plain values; a key that does not exist is refused with the nearest name."""
 
 import dataclasses
+import math
 import tomllib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 from wrenchflow.errors import ConfigError, unknown
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path | Traversable) -> dict[str, Any]:
     """Read a TOML file, or say in one line why it cannot be read."""
     try:
         return tomllib.loads(path.read_text())
@@ -96,6 +98,22 @@ def require_positive(**values: float) -> None:
     for name, value in values.items():
         if not value > 0.0:
             raise ConfigError(f"{name} is {value:g}, expected more than 0.")
+
+
+def require_finite(name: str, values: Sequence[float], *, positive: bool = False) -> None:
+    """Refuse values that are not finite, or not above 0 where they have to be: limits that are no limits."""
+    for value in values:
+        if not math.isfinite(value) or (positive and value <= 0.0):
+            raise ConfigError(
+                f"{name} holds {value:g}, expected {'numbers above 0' if positive else 'finite numbers'}."
+            )
+
+
+def require_order(name: str, low: Sequence[float], high: Sequence[float]) -> None:
+    """Refuse ranges whose lower end is not below the upper one."""
+    for a, b in zip(low, high, strict=True):
+        if not a < b:
+            raise ConfigError(f"{name} reaches from {a:g} to {b:g}, expected a lower end below the upper one.")
 
 
 def to_mapping(config: Any) -> Any:

@@ -4,46 +4,24 @@ Every stage reads the rig. A recording carries the rig that it was made with, so
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from wrenchflow.config import from_mapping, load, require_at_least
+from wrenchflow.config import from_mapping, read_toml, require_at_least, require_finite, require_order, to_mapping
 from wrenchflow.errors import ConfigError, unknown
-from wrenchflow.signals import ARM_JOINTS
+from wrenchflow.robot_limits import RobotLimits, Vector3
 
-Vector3 = tuple[float, float, float]
 Pose = tuple[float, float, float, float, float, float, float]
-JointValues = tuple[float, ...]
 
-BUILT_IN = ("panda_peg",)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobotLimits:
-    """Limits of an arm, one value a joint."""
-
-    name: str
-    position_min_rad: JointValues
-    position_max_rad: JointValues
-    velocity_rad_s: JointValues
-    torque_nm: JointValues
-    torque_rate_nm_s: JointValues
-
-    def __post_init__(self) -> None:
-        for name in ("position_min_rad", "position_max_rad", "velocity_rad_s", "torque_nm", "torque_rate_nm_s"):
-            values = getattr(self, name)
-            if len(values) != ARM_JOINTS:
-                raise ConfigError(
-                    f"robot.{name} has {len(values)} values, expected one for each of {ARM_JOINTS} joints."
-                )
-            _require(f"robot.{name}", values, positive=not name.startswith("position"))
-        _require_order("robot.position", self.position_min_rad, self.position_max_rad)
+_PACKAGE = resources.files("wrenchflow")
+RIGS = {"panda_peg": _PACKAGE / "panda_peg.toml"}
+ROBOTS = {name: _PACKAGE / "robots" / f"{name}.toml" for name in ("fr3", "panda")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +43,9 @@ class Sensor:
     def __post_init__(self) -> None:
         _require_pose("sensor.T_flange_sensor", self.T_flange_sensor)
         for name in ("rate_hz", "force_range_n", "torque_range_nm", "lowpass_hz"):
-            _require(f"sensor.{name}", (getattr(self, name),), positive=True)
+            require_finite(f"sensor.{name}", (getattr(self, name),), positive=True)
         for name in ("noise_force_n", "noise_torque_nm"):
-            _require(f"sensor.{name}", (getattr(self, name),))
+            require_finite(f"sensor.{name}", (getattr(self, name),))
             require_at_least(0, **{f"sensor.{name}": getattr(self, name)})
 
     @property
@@ -89,9 +67,9 @@ class Payload:
     com_sensor_m: Vector3
 
     def __post_init__(self) -> None:
-        _require("payload.com_sensor_m", self.com_sensor_m)
+        require_finite("payload.com_sensor_m", self.com_sensor_m)
         require_at_least(0, **{"payload.mass_kg": self.mass_kg})
-        _require("payload.mass_kg", (self.mass_kg,))
+        require_finite("payload.mass_kg", (self.mass_kg,))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +80,9 @@ class Workspace:
     max_m: Vector3
 
     def __post_init__(self) -> None:
-        _require("workspace.min_m", self.min_m)
-        _require("workspace.max_m", self.max_m)
-        _require_order("workspace", self.min_m, self.max_m)
+        require_finite("workspace.min_m", self.min_m)
+        require_finite("workspace.max_m", self.max_m)
+        require_order("workspace", self.min_m, self.max_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,39 +129,50 @@ class Rig:
         raise ConfigError(unknown("camera", name, (camera.name for camera in self.cameras)))
 
 
-def _require(name: str, values: Sequence[float], *, positive: bool = False) -> None:
-    """Refuse values that are not finite, or not above 0 where they have to be: limits that are no limits."""
-    for value in values:
-        if not math.isfinite(value) or (positive and value <= 0.0):
-            raise ConfigError(
-                f"{name} holds {value:g}, expected {'numbers above 0' if positive else 'finite numbers'}."
-            )
-
-
-def _require_order(name: str, low: Sequence[float], high: Sequence[float]) -> None:
-    for a, b in zip(low, high, strict=True):
-        if not a < b:
-            raise ConfigError(f"{name} reaches from {a:g} to {b:g}, expected a lower end below the upper one.")
-
-
 def _require_pose(name: str, pose: Pose) -> None:
-    _require(name, pose)
+    require_finite(name, pose)
     norm = math.hypot(*pose[3:])
     if abs(norm - 1.0) > 1e-6:
         raise ConfigError(f"{name} has a quaternion (qw qx qy qz) of length {norm:g}, expected 1.")
 
 
 def load_rig(name_or_path: str) -> Rig:
-    """Load a rig that comes with wrenchflow by its name, or any other by the path of its TOML file."""
-    if name_or_path in BUILT_IN:
-        with resources.as_file(resources.files("wrenchflow") / f"{name_or_path}.toml") as path:
-            return load(Rig, path)
-    path = Path(name_or_path)
+    """Load a rig that comes with wrenchflow by its name, or any other by the path of its TOML file.
+
+    Its `robot` is a whole table, the name of a robot that comes with wrenchflow, or the path of a TOML file, from the
+    rig's own folder on.
+
+    Raises:
+        ConfigError: If there is no such rig or robot, or it makes no sense.
+    """
+    place = _find("rig", name_or_path, RIGS, Path())
+    values = read_toml(place)
+    robot = values.get("robot")
+    if isinstance(robot, str):
+        folder = place.parent if isinstance(place, Path) else Path()
+        values["robot"] = to_mapping(_load_robot(_find("robot", robot, ROBOTS, folder)))
+    return from_mapping(Rig, values, where=place.name)
+
+
+def load_robot(name_or_path: str) -> RobotLimits:
+    """Load the limits of a robot that comes with wrenchflow by its name, or any other by the path of its TOML file."""
+    return _load_robot(_find("robot", name_or_path, ROBOTS, Path()))
+
+
+def _load_robot(place: Path | Traversable) -> RobotLimits:
+    return from_mapping(RobotLimits, read_toml(place), where=place.name)
+
+
+def _find(kind: str, name_or_path: str, built_in: dict[str, Traversable], folder: Path) -> Path | Traversable:
+    """Where a rig or a robot is described."""
+    if name_or_path in built_in:
+        return built_in[name_or_path]
+    path = folder / name_or_path
     if path.suffix != ".toml" and path.exists():
-        raise ConfigError(f"rig '{name_or_path}' is no .toml file. Built in: {', '.join(BUILT_IN)}.")
+        raise ConfigError(f"{kind} '{name_or_path}' is no .toml file. Built in: {', '.join(built_in)}.")
     if path.suffix != ".toml":
-        raise ConfigError(f"{unknown('rig', name_or_path, BUILT_IN)} A rig of your own is named by its .toml file.")
-    return load(Rig, path)
+        raise ConfigError(f"{unknown(kind, name_or_path, built_in)} A {kind} of your own is named by its .toml file.")
+    return path
 
 
 def rig_of(meta: dict[str, Any] | Any, where: str) -> Rig:

@@ -68,8 +68,12 @@ def bad(chain, tmp_path_factory) -> Path:
     (at / "wrong_value.toml").write_text('features = "with_feeling"\n')
     (at / "zip.toml").write_text('compression = "zip"\n')
     (at / "not.toml").write_text("episodes = = 3\n")
-    built_in = (resources.files("wrenchflow") / "panda_peg.toml").read_text()
-    (at / "no_limits.toml").write_text(built_in.replace("torque_nm = [87.0", "torque_nm = [nan"))
+    package = resources.files("wrenchflow")
+    panda = (package / "robots" / "panda.toml").read_text()
+    (at / "limitless.toml").write_text(panda.replace("torque_nm = [87.0", "torque_nm = [nan"))
+    peg = (package / "panda_peg.toml").read_text()
+    for name in ("limitless.toml", "pandaa"):
+        (at / f"rig_of_{name.removesuffix('.toml')}.toml").write_text(peg.replace('"panda"', f'"{name}"'))
     (at / "own_rig.toml").write_text('T_flange_tcp = [0, 0, 0.1, 1, 0, 0, 0]\n[robott]\nname = "x"\n')
     return at
 

@@ -101,7 +101,7 @@ def test_after_a_fault_the_arm_is_let_go_of_and_gravity_stays_compensated(peg_pl
     plant.advance(controller, 200)
     controller.ctl[0]["q_null"] = np.nan  # A fault of our own: no torque can be worked out.
     plant.advance(controller, 1000)
-    assert controller.fault == "the torque was not finite"
+    assert (controller.mode, controller.cause) == ("latched", "gate-torque")
     assert np.abs(plant.recorded["joint_command"][-1]).max() < 0.1  # Nothing but the brake of an arm at rest.
     assert np.abs(plant.data.qvel).max() < 1e-3
 
@@ -119,18 +119,19 @@ def test_after_a_fault_a_moving_arm_is_braked(peg_plant, perfect, quiet_rig):
     controller.ctl[0]["q_null"] = np.nan
     before = plant.recorded["tcp_pose"][-1][:3].copy()
     plant.advance(controller, 3000)
-    assert controller.fault == "the torque was not finite"
+    assert (controller.mode, controller.cause) == ("latched", "gate-torque")
     moved = np.linalg.norm(plant.recorded["tcp_pose"][-700:, :3] - before, axis=1)
     assert moved.max() < 0.15
     assert np.ptp(moved) < 1e-3
 
 
 def test_starting_again_under_load_keeps_the_rate_limit(peg_plant, perfect, quiet_rig):
-    plant, controller, _ = peg_plant(measurement=perfect, with_rig=quiet_rig)
+    control = ControlConfig(zone_speed_m_s=0.02)  # Landing at once would be an impact, and stop the arm.
+    plant, controller, _ = peg_plant(measurement=perfect, with_rig=quiet_rig, control=control)
     down = controller.target_pose
     down[2] -= 0.2
     controller.ask(controller.target_pose, down, ticks=2000, impedance=Impedance())
-    plant.advance(controller, 4000)
+    plant.advance(controller, 5000)
     before = plant.recorded["joint_command"][-1].copy()
     assert np.abs(before).max() > 3.0
     controller.start(Impedance())

@@ -24,8 +24,19 @@ def stiffness(seed: int, scale: float) -> np.ndarray:
 
 def designed(J, M, K_lin, K_rot, damping_ratio=0.9):
     D, P = np.full((6, 6), np.nan), np.full((6, 7), np.nan)
-    design_damping(J, M, K_lin, K_rot, damping_ratio, D, P)
+    design_damping(J, M, K_lin, K_rot, damping_ratio, D, P, np.full((6, 6), np.nan))
     return D, P
+
+
+def test_the_inertia_that_is_felt_is_that_of_each_half():
+    J, M = arm(3)
+    inertia = np.full((6, 6), np.nan)
+    design_damping(J, M, 400.0 * np.eye(3), 20.0 * np.eye(3), 0.9, np.empty((6, 6)), np.empty((6, 7)), inertia)
+    mobility = J @ np.linalg.solve(M, J.T) + REGULARISATION * np.eye(6)
+    for half in (slice(0, 3), slice(3, 6)):
+        np.testing.assert_allclose(inertia[half, half], np.linalg.inv(mobility[half, half]), rtol=1e-9)
+    assert (inertia[:3, 3:] == 0.0).all()
+    assert (inertia[3:, :3] == 0.0).all()
 
 
 @pytest.mark.parametrize("seed", range(20))

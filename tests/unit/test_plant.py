@@ -86,11 +86,11 @@ def test_chunks_longer_than_a_second_are_cut_without_a_trace(peg_plant):
 def test_the_protocol_gives_the_rows_of_the_batch_loop_bit_for_bit(peg_plant):
     whole = peg_plant(2)
     down_on_the_block(*whole)
-    expected = whole[0].advance(whole[1], 1600)
+    expected = whole[0].advance(whole[1], 2600)
     assert whole[0].data.ncon > 0  # It does touch the block.
     stepped = peg_plant(2)
     down_on_the_block(*stepped)
-    assert by_protocol(stepped[0], stepped[1], 1600).tobytes() == expected.tobytes()
+    assert by_protocol(stepped[0], stepped[1], 2600).tobytes() == expected.tobytes()
     assert stepped[0].data.qpos.tobytes() == whole[0].data.qpos.tobytes()
 
 

@@ -143,7 +143,7 @@ class Session:
         if not self._phases or self._phases[-1][1] != phase:
             self._phases.append((now_ns, phase))
         first = attempt.plant.count
-        attempt.advance(moved(attempt.target_pose, twist, self._period_s), self._ticks, self._disturb())
+        attempt.advance(moved(attempt.target_pose, twist, self._period_s), self._ticks, self._disturb(), self._period_s)
         self._feel.push(*attempt.samples_since(first))
 
     def _perceive(self, row: np.void) -> Perception:

@@ -19,7 +19,8 @@ _REGULARISATION = 1e-6  # On J M^-1 J^T, so that a singular pose gives a large i
 
 
 @kernel
-def _cholesky(A, L):
+def cholesky(A, L):
+    """Set L to the lower triangle with A = L L^T; what is not quite positive is taken as a little more than zero."""
     n = A.shape[0]
     for i in range(n):
         for j in range(i + 1):
@@ -34,8 +35,8 @@ def _cholesky(A, L):
 
 
 @kernel
-def _solve_lower(L, B):
-    # B = L^-1 B, in place.
+def solve_lower(L, B):
+    """Set B = L^-1 B, in place."""
     for c in range(B.shape[1]):
         for i in range(L.shape[0]):
             s = B[i, c]
@@ -45,8 +46,8 @@ def _solve_lower(L, B):
 
 
 @kernel
-def _eigen_symmetric(A, U):
-    # Cyclic Jacobi: A becomes diagonal, the columns of U its eigenvectors. Three by three settles in a few sweeps.
+def eigen_symmetric(A, U):
+    """Make A diagonal in place, and the columns of U its eigenvectors, by cyclic Jacobi rotations."""
     n = A.shape[0]
     for i in range(n):
         for j in range(n):
@@ -78,15 +79,15 @@ def _eigen_symmetric(A, U):
 
 
 @kernel
-def _design_block(mobility, first, K, damping_ratio, D):
-    """Damping of three of the six directions, from `first` on, into the block of `D`; zero beside it."""
+def _design_block(mobility, first, K, damping_ratio, D, inertia):
+    """Damping and inertia of three of the six directions, from `first` on, into their blocks; zero beside them."""
     A, L, W = np.empty((3, 3)), np.zeros((3, 3)), np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             A[i, j] = mobility[first + i, first + j]
             W[i, j] = 1.0 if i == j else 0.0
-    _cholesky(A, L)
-    _solve_lower(L, W)  # W holds L^-1; Lambda = L^-T L^-1, so L^-T is a square root of it and C = L^T K L.
+    cholesky(A, L)
+    solve_lower(L, W)  # W holds L^-1; Lambda = L^-T L^-1, so L^-T is a square root of it and C = L^T K L.
     C, U, G = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -95,7 +96,7 @@ def _design_block(mobility, first, K, damping_ratio, D):
                 for m in range(3):
                     s += L[k, i] * K[k, m] * L[m, j]
             C[i, j] = s
-    _eigen_symmetric(C, U)
+    eigen_symmetric(C, U)
     for i in range(3):
         for j in range(3):
             G[i, j] = W[0, i] * U[0, j] + W[1, i] * U[1, j] + W[2, i] * U[2, j]
@@ -106,10 +107,12 @@ def _design_block(mobility, first, K, damping_ratio, D):
                 s += G[i, k] * math.sqrt(max(C[k, k], 0.0)) * G[j, k]
             D[first + i, first + j] = 2.0 * damping_ratio * s
             D[first + i, (first + 3) % 6 + j] = 0.0
+            inertia[first + i, first + j] = W[0, i] * W[0, j] + W[1, i] * W[1, j] + W[2, i] * W[2, j]
+            inertia[first + i, (first + 3) % 6 + j] = 0.0
 
 
 @kernel
-def design_damping(J, M, K_lin, K_rot, damping_ratio, D, P):
+def design_damping(J, M, K_lin, K_rot, damping_ratio, D, P, inertia):
     """Design task-space damping and the nullspace map for the present pose.
 
     Args:
@@ -120,14 +123,15 @@ def design_damping(J, M, K_lin, K_rot, damping_ratio, D, P):
         damping_ratio: Of every mode.
         D: Out: damping [N.s/m, N.m.s/rad]. Shape (6, 6).
         P: Out: Lambda J M^-1, with the inertia of all six directions. Shape (6, n).
+        inertia: Out: task inertia, translation and rotation apart [kg, kg m^2]. Shape (6, 6).
     """
     n = J.shape[1]
     L_M, Y = np.zeros((n, n)), np.empty((n, 6))
-    _cholesky(M, L_M)
+    cholesky(M, L_M)
     for i in range(n):
         for a in range(6):
             Y[i, a] = J[a, i]
-    _solve_lower(L_M, Y)  # Y = L_M^-1 J^T, so J M^-1 J^T = Y^T Y
+    solve_lower(L_M, Y)  # Y = L_M^-1 J^T, so J M^-1 J^T = Y^T Y
     mobility = np.empty((6, 6))
     for a in range(6):
         for b in range(a + 1):
@@ -136,11 +140,11 @@ def design_damping(J, M, K_lin, K_rot, damping_ratio, D, P):
                 s += Y[i, a] * Y[i, b]
             mobility[a, b] = s
             mobility[b, a] = s
-    _design_block(mobility, 0, K_lin, damping_ratio, D)
-    _design_block(mobility, 3, K_rot, damping_ratio, D)
+    _design_block(mobility, 0, K_lin, damping_ratio, D, inertia)
+    _design_block(mobility, 3, K_rot, damping_ratio, D, inertia)
     # P^T = M^-1 J^T Lambda: two triangular solves on each side.
     L = np.zeros((6, 6))
-    _cholesky(mobility, L)
+    cholesky(mobility, L)
     for a in range(6):
         for i in range(n - 1, -1, -1):
             s = Y[i, a]

@@ -40,7 +40,6 @@ REQ = record_dtype(
         ("R_start", "f8", (3, 3)),
         ("turn", "f8", 3),  # rotation vector from the start to the end of the segment, base axes [rad]
         ("ticks", "i8"),
-        ("patience_ticks", "i8"),  # silence after which the arm holds; 0 for a request that does not expire
         ("K_lin", "f8", (3, 3)),  # [N/m]
         ("K_rot", "f8", (3, 3)),  # [N.m/rad]
         ("damping_ratio", "f8"),
@@ -61,8 +60,13 @@ CTL = record_dtype(
         ("cause", "i8"),  # the safeguard that changed the mode, or NO_CAUSE
         ("acting", "i8"),  # safeguards that intervened at this tick, a bit each
         ("without", "i8"),  # safeguards that are left out, a bit each; 0 but in simulation
+        ("pending", "i8"),  # safeguards that intervened since the last tick, between two
+        ("is_waiting", "i8"),  # held since the start, for nothing has been asked yet
+        ("is_fresh", "i8"),  # something was asked since the last tick
+        ("silent_ticks", "i8"),  # since something was asked
+        ("patience_ticks", "i8"),  # silence after which the arm holds; 0 for a request that does not expire
+        ("is_refused", "i8"),  # the segment is not sound
         ("is_stop_asked", "i8"),  # an emergency stop
-        ("fault", "i8"),  # a FAULT_* code; anything but FAULT_NONE is latched
         ("rejected", "i8"),  # requests that were not sound, and so not followed
         ("counts", "i8", 64),  # ticks in which each safeguard intervened
         # What is asked at this tick, before leash and limits.
@@ -103,9 +107,10 @@ CTL = record_dtype(
         ("impact", "f8", 3),  # low-passed at `impact_lowpass_hz` [N]
         ("bias", "f8", 6),  # of the sensor, sensor frame
         ("bias_ticks", "i8"),  # how many readings it rests on
+        ("takes_bias", "i8"),  # while waiting
         ("wrench_raw_last", "f8", 6),
         ("frozen_ticks", "i8"),
-        ("over_ticks", "i8", 4),  # force, moment, energy, overruns: for how many ticks in a row
+        ("over_ticks", "i8", 5),  # force, moment, energy, overrun, stale: for how many ticks in a row
         ("R_tcp_sensor", "f8", (3, 3)),
         ("x_tcp_sensor", "f8", 3),
         ("payload_kg", "f8"),
@@ -134,7 +139,7 @@ CTL = record_dtype(
         ("x_step_max", "f8"),  # voluntary step of the reference in one tick [m]
         ("turn_step_max", "f8"),  # [rad]
         ("arm_speed_share", "f8"),  # what the arm may move at, over what the reference may
-        ("brake_ticks", "f8"),  # the arm's excess speed is damped with this time constant
+        ("brake_rate", "f8"),  # at which the arm's excess speed is damped [1/s]
         ("workspace_min", "f8", 3),  # [m]
         ("workspace_max", "f8", 3),
         ("zone_min", "f8", 3),  # where contact is expected [m]; empty where min is above max
@@ -156,22 +161,24 @@ CTL = record_dtype(
         ("tank_reserve", "f8"),
         ("tank_fill", "f8"),  # a tick [J]
         ("refill_share", "f8"),  # of damped energy
-        ("overdraft_ticks", "i8"),
+        ("overdraft_ticks_max", "i8"),
         ("observer_damping", "f8"),  # joint damping while the budget is overdrawn [N.m.s/rad]
         ("brake", "f8"),  # joint damping of a stop [N.m.s/rad]
         ("hold_ticks_max", "i8"),
-        ("stop_ticks", "i8"),  # stiffness falls to zero over these
+        ("stop_step", "f8"),  # by which the gain falls in a tick of a soft stop
         ("retreat_m", "f8"),
         ("retreat_ticks_max", "i8"),
         ("retreat_force", "f8"),  # [N]
         ("retreat_moment", "f8"),  # [N.m]
-        ("retreat_ticks", "i8"),  # for how long in a row it must be over
+        ("retreat_patience_ticks", "i8"),  # for how long in a row it must be over
         ("impact_force", "f8"),  # [N]
         ("dq_max", "f8", JOINTS),  # [rad/s]
         ("q_min", "f8", JOINTS),  # [rad]
         ("q_max", "f8", JOINTS),
-        ("dq_slope", "f8", JOINTS),  # of robots whose speed limit falls towards the ends of a joint; 0 for others
-        ("dq_offset", "f8", JOINTS),
+        ("dq_slope", "f8", JOINTS),  # of robots whose speed limit falls towards a joint's ends [rad/s^2]; 0 for others
+        ("dq_offset", "f8", JOINTS),  # [rad/s]
+        ("dq_q_min", "f8", JOINTS),  # where it falls to: ends of this curve, not of the joint [rad]
+        ("dq_q_max", "f8", JOINTS),
         ("dq_share", "f8"),
         ("q_margin", "f8"),  # [rad]
         ("overrun_ns", "i8"),  # a step of the clock longer than this is an overrun
@@ -187,10 +194,7 @@ CTL = record_dtype(
         ("tau_wanted", "f8", JOINTS),  # the law's torque, before limits [N.m]
         ("vector", "f8", 6),
         ("sample", "f8", 6),
+        ("step", "f8", 6),  # of the reference [m, rad]
         ("matrices", "f8", (6, 3, 3)),
     ]
 )
-
-FAULT_NONE = 0
-FAULT_STATE = 1  # the robot's state was not finite
-FAULT_TORQUE = 2  # the law's torque was not finite

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,6 +64,7 @@ class Attempt:
         glance: Glance | None = None,
         glance_hz: float = 30.0,
         keep: Keep | None = None,
+        without: Iterable[str] = (),
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -79,6 +80,7 @@ class Attempt:
             glance: Called `glance_hz` times a second; what happens does not depend on it.
             glance_hz: Pictures a second.
             keep: Gives the memory that rows are stored in, such as a black box's; without it they are nobody else's.
+            without: Safeguards that are left out, to see what each is worth.
         """
         scene_rng, plant_rng, self.rng = generators(seed)
         self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
@@ -87,7 +89,8 @@ class Attempt:
         task.place(model, data, self.scene)
         capacity_s = config.tare_s + task.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
-        self.controller = Controller(rig, config.control)
+        self.controller = Controller(rig, config.control, without=without)
+        self.controller.set_contact_zone(*task.contact_zone(self.scene))
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
         if keep is not None:
@@ -103,11 +106,20 @@ class Attempt:
         self.target_pose: Float[np.ndarray, " 7"] = self.controller.target_pose
 
     def advance(
-        self, target: Float[np.ndarray, " 7"], ticks: int, disturbance_m: Float[np.ndarray, " 3"] | None = None
+        self,
+        target: Float[np.ndarray, " 7"],
+        ticks: int,
+        disturbance_m: Float[np.ndarray, " 3"] | None = None,
+        every_s: float = math.inf,
     ) -> np.ndarray:
         """Move the target to `target` in a straight segment of `ticks` ticks; returns the new rows."""
         self.controller.ask(
-            self.target_pose, target, ticks=ticks, impedance=self._impedance, disturbance_m=disturbance_m
+            self.target_pose,
+            target,
+            ticks=ticks,
+            impedance=self._impedance,
+            disturbance_m=disturbance_m,
+            every_s=every_s,
         )
         self.target_pose = target
         return self._run(ticks)

@@ -136,7 +136,7 @@ def observe(measure, white, obs):
 
 
 @kernel
-def advance(measure, white, drawn, obs, req, ctl, rows, first, count):
+def advance(measure, white, drawn, obs, req, schedule, ctl, rows, first, count):
     """Run `count` ticks of measuring, controlling, stepping and recording, without Python and without the GIL.
 
     Args:
@@ -145,6 +145,7 @@ def advance(measure, white, drawn, obs, req, ctl, rows, first, count):
         drawn: Index of the first of them to use.
         obs: One `OBS` record.
         req: One `REQ` record.
+        schedule: One `SCHEDULE` record.
         ctl: One `CTL` record.
         rows: Where rows are stored, `ROW` records.
         first: Index of the first row to write.
@@ -152,6 +153,6 @@ def advance(measure, white, drawn, obs, req, ctl, rows, first, count):
     """
     for k in range(count):
         read(measure, white, drawn + k, obs)
-        impedance.tick(obs[0], req[0], ctl[0])
+        impedance.tick(obs[0], req[0], schedule[0], ctl[0])
         record(obs, ctl, rows, first + k)
         write(measure, ctl[0].tau)

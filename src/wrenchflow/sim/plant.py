@@ -106,6 +106,7 @@ class Plant:
                 *self._noise(count),
                 controller.obs,
                 controller.req,
+                controller.schedule,
                 controller.ctl,
                 self.rows,
                 self.count,

@@ -16,6 +16,7 @@ from wrenchflow.spatial import compose, exp_so3, inverse, log_so3, make_pose, qu
 _FACETS = 24
 # The goal's frame lies on the hole's mouth with z into the hole, as the tool's does: a half turn about x.
 _INTO_HOLE = exp_so3(np.array([math.pi, 0.0, 0.0]))
+_ZONE_M = 0.07  # The block's half width, what perception may be off, and what the tool may be tilted.
 _STEEL, _FIXTURE, _MOUTH = (0.66, 0.68, 0.72, 1.0), (0.32, 0.46, 0.62, 1.0), (0.95, 0.7, 0.25, 1.0)
 
 
@@ -178,6 +179,11 @@ class PegInsertion:
         block = compose(scene.T_base_goal, make_pose(np.zeros(3), _INTO_HOLE.T))
         data.mocap_pos[0], data.mocap_quat[0] = block[:3], block[3:]
         mujoco.mj_forward(model, data)
+
+    def contact_zone(self, scene: Scene) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+        """The block around the perceived hole, and a little above it."""
+        goal_m = scene.T_base_goal_perceived[:3]
+        return goal_m - np.array([_ZONE_M, _ZONE_M, self.hole_depth_m]), goal_m + np.array([_ZONE_M, _ZONE_M, 0.01])
 
     def _tip(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> Float[np.ndarray, " 3"]:
         return compose(inverse(scene.T_base_goal), T_base_tcp)[:3]

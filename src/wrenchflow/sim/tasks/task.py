@@ -63,6 +63,12 @@ class Task(Protocol):
         """Set `data` to the start of a scene."""
         ...
 
+    def contact_zone(self, scene: Scene) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+        """Where contact is expected: the lowest and the highest corner of a box in the base frame, where the reference
+        is slow. It knows what is perceived, not what is so.
+        """
+        ...
+
     def progress(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> float:
         """How far the task is done at a true TCP pose, from 0 to 1; 1 is success."""
         ...
