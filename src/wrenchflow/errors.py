@@ -45,6 +45,10 @@ class ControlError(WrenchflowError):
     """A robot, a simulation or a request that control cannot go on with."""
 
 
+class StartupError(ControlError):
+    """An arm that is not fit to be started: what a check at the start found."""
+
+
 class CameraError(WrenchflowError):
     """A camera that is not there, or gives what it should not."""
 

@@ -44,10 +44,12 @@ def write_manifest(
     inputs: Iterable[Path] = (),
     seed: int | None = None,
     name: str = NAME,
+    **found: Any,
 ) -> None:
     """Write `manifest.json`: the resolved config, versions, seed and input hashes. No wall time, no host name.
 
-    A folder that several outputs share has a manifest of another `name` for each.
+    A folder that several outputs share has a manifest of another `name` for each. What else a stage found out goes
+    along under its keyword.
     """
     manifest = {
         "stage": stage,
@@ -55,6 +57,7 @@ def write_manifest(
         "seed": seed,
         "versions": versions(),
         "inputs": {path.name: sha256_of(path) for path in sorted(inputs)},
+        **to_mapping(found),
     }
     write_json(folder / name, manifest)
 

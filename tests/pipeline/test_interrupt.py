@@ -67,7 +67,9 @@ def interrupted(
             if group_is_alive(running.pid) and running.poll() is None:
                 os.killpg(running.pid, signal.SIGKILL)
     assert (running.returncode, stdout) == (130, "")
-    assert re.fullmatch(r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n", stderr)
+    assert re.fullmatch(
+        r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n", stderr
+    )
     left = {path for path in at.rglob("*") if path.is_file()} - before
     names = [str(path.relative_to(at)) for path in left if not path.name.endswith(".blackbox.mcap")]
     assert [name for name in names if ".partial" not in name and not name.startswith(done)] == []

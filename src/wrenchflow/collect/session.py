@@ -28,6 +28,7 @@ from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
+from wrenchflow.sim.startup import check_cell
 from wrenchflow.sim.streams import ROWS, streams_of
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
@@ -220,13 +221,15 @@ def collect_folder(
 
     Raises:
         OutputError: If `out` is there, and may not be replaced.
-        ConfigError: For a task, operator or rig that does not exist.
+        ConfigError: For a task, operator or rig that does not exist, or control limits beyond the hardware's.
+        StartupError: If the cell is not fit to be started.
     """
     _, rig, _ = scenery(config.task, config.rig)
     config = without_what_cannot_be_drawn(config)
     views_of(config, rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
+        startup = check_cell(config)
         if config.realtime or config.live:
             from wrenchflow.collect.realtime import demonstrate_in_real_time
 
@@ -237,4 +240,4 @@ def collect_folder(
             with black_boxes(out) as boxes:
                 record = _Record(folder, boxes, config)
                 yield from map_episodes(record, range(config.episodes), jobs=jobs, executor=executor)
-        write_manifest(folder, "collect", config, seed=config.seed)
+        write_manifest(folder, "collect", config, seed=config.seed, startup=startup)

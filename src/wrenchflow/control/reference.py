@@ -10,7 +10,7 @@ import math
 
 from wrenchflow.compiled import kernel
 from wrenchflow.control.energy import available, error_into, potential, set_spring
-from wrenchflow.control.gate import is_on, note
+from wrenchflow.control.gate import copy_into, is_on, note
 from wrenchflow.control.safeguards import (
     CONTACT_ZONE,
     LEASH,
@@ -133,8 +133,8 @@ def _step_position(obs, ctl):
 def _step_rotation(obs, ctl):
     """The voluntary turn: within an angle of the measured orientation, then a limited turn towards the target."""
     wanted, before = ctl.matrices[2], ctl.matrices[3]
-    before[:] = ctl.R_d
-    wanted[:] = ctl.R_target
+    copy_into(ctl.R_d, before)
+    copy_into(ctl.R_target, wanted)
     if is_on(ctl, LEASH_ROTATION) and pull_within(wanted, obs.R, _leash_rad(ctl), ctl.matrices, ctl.vector):
         note(ctl, LEASH_ROTATION)
     if is_on(ctl, TURN) and pull_within(wanted, ctl.R_d, ctl.turn_step_max, ctl.matrices, ctl.vector):
@@ -197,7 +197,7 @@ def pull_within(rotation, centre, angle_max, work, vector):
     share = angle_max / angle
     exp_into(share * vector[0], share * vector[1], share * vector[2], difference)
     multiply_into(difference, centre, turned)
-    rotation[:] = turned
+    copy_into(turned, rotation)
     return True
 
 

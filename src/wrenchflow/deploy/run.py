@@ -14,6 +14,7 @@ from wrenchflow.errors import ConfigError
 from wrenchflow.manifest import output_folder, write_json, write_manifest
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
+from wrenchflow.sim.startup import check_cell
 from wrenchflow.sim.streams import ROWS
 from wrenchflow.sim.tasks import scenery
 
@@ -120,11 +121,14 @@ def deploy_folder(
     Raises:
         CheckpointError: If `run` holds no policy that fits.
         OutputError: If `out` is there, and may not be replaced.
+        ConfigError: For control limits beyond the hardware's.
+        StartupError: If the cell is not fit to be started.
     """
     from wrenchflow.policy.checkpoint import load_policy
 
     load_policy(run)  # A run that cannot be loaded is refused here, before workers start.
     with output_folder(out, overwrite=overwrite, reads=[run]) as folder:
+        startup = check_cell(config)
         verdicts = []
         with black_boxes(out) as boxes:
             for verdict in evaluate(run, config, jobs=jobs, folder=folder, boxes=boxes, executor=executor):
@@ -132,4 +136,4 @@ def deploy_folder(
                 yield verdict
         attempts = [asdict(verdict) for verdict in verdicts]
         write_json(folder / EVALUATION, {**summarise(verdicts), "attempts_by_id": attempts})
-        write_manifest(folder, "deploy", config, sorted(run.glob("*.json")), seed=config.seed)
+        write_manifest(folder, "deploy", config, sorted(run.glob("*.json")), seed=config.seed, startup=startup)

@@ -34,8 +34,8 @@ Keep = Callable[[Mapping[str, Any], int], np.ndarray]
 _MARGIN_S = 1.0  # The last step may end after the time limit.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
 MJCF, MODEL = "model.xml", "model.mjb.gz"
-# Last number of an attempt's seed: evaluation never meets a scene that was demonstrated.
-DEMONSTRATE, EVALUATE = 0, 1
+# Last number of an attempt's seed: evaluation never meets a scene that was demonstrated, nor either the start's check.
+DEMONSTRATE, EVALUATE, CHECK = range(3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +63,8 @@ class Attempt:
         beat: "Callable[[Attempt], Beat] | None" = None,
         glance: Glance | None = None,
         glance_hz: float = 30.0,
-        keep: Keep | None = None,
         without: Iterable[str] = (),
+        keep: Keep | None = None,
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -79,11 +79,11 @@ class Attempt:
                 one, and may be paced by a clock. Without it they run as fast as they can.
             glance: Called `glance_hz` times a second; what happens does not depend on it.
             glance_hz: Pictures a second.
-            keep: Gives the memory that rows are stored in, such as a black box's; without it they are nobody else's.
             without: Safeguards that are left out, to see what each is worth.
+            keep: Gives the memory that rows are stored in, such as a black box's; without it they are nobody else's.
         """
-        scene_rng, plant_rng, self.rng = generators(seed)
-        self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
+        scene_rng, plant_rng, self.rng, self.link_rng = generators(seed)
+        self.task, self.rig, self.seed, self.impedance = task, rig, seed, config.impedance
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
@@ -117,12 +117,25 @@ class Attempt:
             self.target_pose,
             target,
             ticks=ticks,
-            impedance=self._impedance,
+            impedance=self.impedance,
             disturbance_m=disturbance_m,
             every_s=every_s,
         )
         self.target_pose = target
         return self._run(ticks)
+
+    def accept(self, packet: np.ndarray) -> str:
+        """Take in a plan before the next tick: what becomes of it, by `Controller.accept`."""
+        return self.controller.accept(packet, self.now_ns)
+
+    def follow(self, ticks: int) -> np.ndarray:
+        """Let the arm follow what it was asked for; returns the new rows."""
+        return self._run(ticks)
+
+    @property
+    def now_ns(self) -> int:
+        """Stamp of the next tick."""
+        return int(self.plant.recorded[-1]["t_ns"]) + TICK_NS
 
     def _run(self, ticks: int) -> np.ndarray:
         first = self.plant.count
@@ -134,8 +147,7 @@ class Attempt:
             due = tick_of_picture(self._glances, self._glance_hz)
             self._tick(min(due, stop) - self.plant.count)
             if self.plant.count == due:
-                now_ns = int(self.plant.recorded["t_ns"][-1]) + TICK_NS
-                self._glance(now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
+                self._glance(self.now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
                 self._glances += 1
         return self.plant.rows[first:stop]
 
@@ -199,7 +211,7 @@ class Attempt:
         return {
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
-            "impedance": to_mapping(self._impedance),
+            "impedance": to_mapping(self.impedance),
             STREAM: {"modes": list(MODES), "safeguards": list(SAFEGUARDS)},
             # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {
@@ -268,8 +280,8 @@ def picture_at(tick: int, rate_hz: float) -> int | None:
 
 
 def generators(seed: Sequence[int]) -> list[np.random.Generator]:
-    """The three sources of chance in an attempt: the scene, the plant, and whoever acts."""
-    return np.random.default_rng(tuple(seed)).spawn(3)
+    """The sources of chance in an attempt: the scene, the plant, whoever acts, and the way of what they send."""
+    return np.random.default_rng(tuple(seed)).spawn(4)
 
 
 def episode_id(task: str, seed: int, index: int) -> str:
