@@ -172,6 +172,10 @@ class Reference:
         for half, cap in ((slice(0, 3), c.force_max_n), (slice(3, 6), c.moment_max_nm)):
             fed[half] *= min(1.0, cap / max(np.linalg.norm(fed[half]), 1e-300))
         fed = fed * self.payable(fed @ V)
+        if fed @ V > 0.0:
+            limit = c.arm_speed_share * self.speed(obs["x"]) * np.array([1.0, c.turn_max_rad_s / c.speed_max_m_s])
+            over = (np.linalg.norm(V.reshape(2, 3), axis=1) / limit).max()
+            fed = fed * np.clip(2.0 * (1.0 - over), 0.0, 1.0)
         both = spring + fed
         for half, cap in ((slice(0, 3), c.force_max_n), (slice(3, 6), c.moment_max_nm)):
             both[half] *= min(1.0, cap / max(np.linalg.norm(both[half]), 1e-300))

@@ -71,7 +71,8 @@ def account(obs, ctl):
         fed += ctl.tau_fed[j] * dq
         posed += ctl.tau_posed[j] * dq
         total += ctl.tau[j] * dq
-        exerted += obs.tau_external[j] * dq
+        if math.isfinite(obs.tau_external[j]):  # No torque rests on it, so it need not be there.
+            exerted += obs.tau_external[j] * dq
         for k in range(JOINTS):
             kinetic += 0.5 * obs.dq[j] * obs.M[j, k] * obs.dq[k]
     saturated = total - spring - damping - fed - posed

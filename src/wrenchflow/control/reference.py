@@ -144,7 +144,7 @@ def _step_rotation(obs, ctl):
         note(ctl, TURN)
     if is_on(ctl, CONTACT_ZONE):
         # A tool that turns about its tip hits too: where it must go slowly, it turns slowly by the same share.
-        slowest = min(speed_max(ctl, obs.x), speed_max(ctl, ctl.x_d)) / ctl.x_step_max
+        slowest = min(_zone_speed_max(ctl, obs.x), _zone_speed_max(ctl, ctl.x_d)) / ctl.x_step_max
         if pull_within(wanted, ctl.R_d, slowest * ctl.turn_step_max, ctl.matrices, ctl.vector):
             note(ctl, CONTACT_ZONE)
     _orthonormal_into(wanted, ctl.R_d)
