@@ -16,16 +16,17 @@ from wrenchflow.commands import (
     EXIT_DONE,
     EXIT_ERROR,
     EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
     EXIT_USAGE,
     Command,
     Stage,
 )
 from wrenchflow.config import load, to_mapping
-from wrenchflow.errors import ConfigError, WrenchflowError
+from wrenchflow.errors import ConfigError, Terminated, WrenchflowError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 1 a known error, 2 usage, 130 interrupted."""
+    """Run one command; returns the exit code: 0 done, 1 a known error, 2 usage, 130 interrupted, 143 terminated."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         if arguments in (["--version"], ["-V"]):
@@ -35,15 +36,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         _require_sound(command)
         result = command.run()
     except WrenchflowError as error:
-        print(f"wrenchflow: {error}", file=sys.stderr)
+        _complain(str(error), error)
         return EXIT_ERROR
-    except KeyboardInterrupt:
-        print("wrenchflow: interrupted.", file=sys.stderr)
+    except Terminated as end:
+        _complain("terminated.", end)
+        return EXIT_TERMINATED
+    except KeyboardInterrupt as end:
+        _complain("interrupted.", end)
         return EXIT_INTERRUPTED
     except SystemExit as stop:  # tyro leaves so: after its help, or with its own word on a usage error.
         return EXIT_USAGE if stop.code else EXIT_DONE
     print(json.dumps(result) if command.json else "\n".join(command.text(result)))
     return command.code(result)
+
+
+def _complain(what: str, error: BaseException) -> None:
+    """Say in one line what went wrong, and what was noted on the way: where a black box is, for one."""
+    print("wrenchflow:", what, *getattr(error, "__notes__", ()), file=sys.stderr)
 
 
 def _parse(arguments: list[str]) -> Command:

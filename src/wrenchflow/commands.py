@@ -21,7 +21,7 @@ from wrenchflow.quickstart_config import QuickstartConfig
 from wrenchflow.told import doctor_lines, quickstart_lines, recording_lines, result_lines, validation_lines
 from wrenchflow.train.config import TrainConfig
 
-EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 
 Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
 Jobs = Annotated[int, arg(help="Worker processes.")]
@@ -283,7 +283,7 @@ class Recover(Command):
         """Do it."""
         from wrenchflow.recording.recover import recover
 
-        name = self.path.name.removesuffix(".partial").removesuffix(".mcap")
+        name = self.path.name.removesuffix(".partial").removesuffix(".mcap").removesuffix(".rows")
         out = self.out or self.path.with_name(f"{name}.recovered.mcap")
         return {**to_mapping(recover(self.path, out)), "out": str(out)}
 

@@ -27,7 +27,7 @@ def describe(path: Path) -> dict[str, Any]:
     """
     if not path.exists():
         raise RecordingError(f"'{path}' does not exist. Expected {KINDS}.")
-    if path.suffix == ".mcap" or path.name.endswith(".mcap.partial"):
+    if path.suffix in (".mcap", ".rows") or path.name.endswith(".mcap.partial"):
         return _recording(path)
     if path.name == "evaluation.json":
         return {"kind": "evaluation", **_evaluation(path)}

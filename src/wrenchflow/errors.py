@@ -53,6 +53,10 @@ class CameraError(WrenchflowError):
     """A camera that is not there, or gives what it should not."""
 
 
+class Terminated(KeyboardInterrupt):
+    """Somebody asked this process to end (SIGTERM): what Ctrl-C winds up is wound up, and what is known is written."""
+
+
 def unknown(what: str, got: str, available: Iterable[str]) -> str:
     """Word the message for a name that does not exist, with the nearest one that does.
 

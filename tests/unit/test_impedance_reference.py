@@ -123,7 +123,9 @@ class Reference:
         step = np.clip(inside, obs["x"] - leash, obs["x"] + leash) - x
         fastest = min(self.speed(obs["x"]), self.speed(x)) * 1e-3
         step *= min(1.0, fastest / max(np.linalg.norm(step), 1e-300))
-        turn = (within(within(R_target, R, angle), self.R_d, c.turn_max_rad_s * 1e-3) * R_before.inv()).as_rotvec()
+        slower = min(self.speed(obs["x"]), self.speed(x + step)) / c.speed_max_m_s
+        turn = within(within(R_target, R, angle), self.R_d, slower * c.turn_max_rad_s * 1e-3) * R_before.inv()
+        turn = turn.as_rotvec()
 
         def cost(share):
             self.x_d, self.R_d = x + share * step, Rotation.from_rotvec(share * turn) * R_before
@@ -158,7 +160,8 @@ class Reference:
         e, J, V = self.error(obs), obs["J"], obs["J"] @ obs["dq"]
         spring = self.gain * np.concatenate([self.K[0] @ e[:3], self.K[1] @ e[3:]])
         damping = -self.D @ V
-        for half, fastest in ((slice(0, 3), self.speed(obs["x"])), (slice(3, 6), c.turn_max_rad_s)):
+        fast = self.speed(obs["x"])
+        for half, fastest in ((slice(0, 3), fast), (slice(3, 6), fast / c.speed_max_m_s * c.turn_max_rad_s)):
             speed = np.linalg.norm(V[half])
             excess = max(0.0, 1.0 - c.arm_speed_share * fastest / max(speed, 1e-300))
             damping[half] -= excess / c.brake_s * self.inertia[half, half] @ V[half]

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +25,11 @@ from wrenchflow.filtering import window_mean
 from wrenchflow.manifest import KEEP, output_folder, write_manifest
 from wrenchflow.observation import MEAN_NS
 from wrenchflow.process.live import LiveWrench
+from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.startup import check_cell
-from wrenchflow.sim.streams import streams_of
+from wrenchflow.sim.streams import ROWS, streams_of
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
 from wrenchflow.spatial import exp_so3, make_pose, rotation_of
@@ -68,13 +71,16 @@ def make_operator(name: str, config: CollectConfig) -> Operator:
     raise ConfigError(unknown("operator", name, OPERATORS))
 
 
-def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE) -> Episode:
+def demonstrate(
+    index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE, box: BlackBox | None = None
+) -> Episode:
     """Record one attempt, in virtual time.
 
     Args:
         index: Number of the episode; with the seed it determines every bit of the recording.
         config: Task, operator, device and gains.
         scenes: `DEMONSTRATE`, or `EVALUATE` for an operator that is compared with a policy on the policy's scenes.
+        box: Where rows are stored, so that something is left if the attempt does not end well.
     """
     task, rig, model = scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
@@ -88,20 +94,25 @@ def demonstrate(index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE)
         seed=(config.seed, index, scenes),
         glance=album if views else None,
         glance_hz=config.camera.rate_hz,
+        keep=box.rows if box else None,
     )
     session = Session(attempt, operator, config)
+    known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
+
+    def so_far() -> Episode:
+        name = episode_id(config.task, config.seed, index)
+        return attempt.episode(name, session.streams(), session.phases(), **_known(config), **known)
+
+    if box is not None:
+        box.tell = so_far
     while not attempt.over:
         session.period()
-    known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
-    episode = attempt.episode(
-        episode_id(config.task, config.seed, index),
-        session.streams(),
-        session.phases(),
-        operator=config.operator,
-        collect=to_mapping(config),
-        **known,
-    )
-    return replace(episode, messages=album.draw(mjcf_of(task, rig) if views else ""))
+    return replace(so_far(), messages=album.draw(mjcf_of(task, rig) if views else ""))
+
+
+def _known(config: CollectConfig) -> dict[str, Any]:
+    """What is known of an attempt by who runs it, before it begins."""
+    return {"operator": config.operator, "collect": to_mapping(config)}
 
 
 class Session:
@@ -162,15 +173,15 @@ class Session:
         """What the device reported."""
         t = np.array(self._t, np.int64)
         return {
-            "teleop/joy": Stream(t, np.array(self._joy), signals.JOY, "device"),
-            "teleop/twist": Stream(t, np.array(self._twist), signals.TWIST, "base"),
+            "teleop/joy": Stream(t, np.array(self._joy).reshape(-1, signals.JOY.width), signals.JOY, "device"),
+            "teleop/twist": Stream(t, np.array(self._twist).reshape(-1, signals.TWIST.width), signals.TWIST, "base"),
         }
 
     def phases(self) -> list[Event]:
         """What the operator thought to be doing, and when."""
         end_ns = int(self._attempt.plant.recorded[-1]["t_ns"])
-        stops = [start_ns for start_ns, _ in self._phases[1:]] + [end_ns]
-        return [Event(start, stop, "phase", name) for (start, name), stop in zip(self._phases, stops, strict=True)]
+        edges = pairwise([*self._phases, (end_ns, "")])
+        return [Event(start_ns, stop_ns, "phase", name) for (start_ns, name), (stop_ns, _) in edges]
 
 
 def moved(target: np.ndarray, twist: np.ndarray, duration_s: float) -> np.ndarray:
@@ -184,13 +195,16 @@ class _Record:
     """One episode to a file; an object, so that it travels to a worker process."""
 
     folder: Path
+    boxes: Path
     config: CollectConfig
 
     def __call__(self, index: int) -> Demonstration:
-        episode = demonstrate(index, self.config)
-        write_episode(self.folder / f"{episode.id}.mcap", episode, self.config.compression)
+        config, name = self.config, episode_id(self.config.task, self.config.seed, index)
+        with BlackBox(self.boxes, ROWS, id=name, task=config.task, meta=_known(config)) as box:
+            episode = demonstrate(index, config, box=box)
+            write_episode(self.folder / f"{name}.mcap", episode, config.compression)
         outcome = Outcome(**episode.meta["result"])
-        return Demonstration(id=episode.id, samples=len(episode["tcp_pose"]), outcome=outcome)
+        return Demonstration(id=name, samples=len(episode["tcp_pose"]), outcome=outcome)
 
 
 def collect_folder(
@@ -223,5 +237,7 @@ def collect_folder(
             # One after the other: what runs by the clock shares a core with nothing.
             yield from (demonstrate_in_real_time(index, config, folder) for index in range(config.episodes))
         else:
-            yield from map_episodes(_Record(folder, config), range(config.episodes), jobs=jobs, executor=executor)
+            with black_boxes(out) as boxes:
+                record = _Record(folder, boxes, config)
+                yield from map_episodes(record, range(config.episodes), jobs=jobs, executor=executor)
         write_manifest(folder, "collect", config, seed=config.seed, startup=startup)

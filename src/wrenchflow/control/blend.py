@@ -70,7 +70,7 @@ def add_blend(schedule, blend, from_ns, t_ns, x, R):
     """Add to a pose, `x` (3,) and `R` (3, 3), what is left at `t_ns` of a difference that decays since `from_ns`."""
     if t_ns - from_ns >= schedule.blend_ns:
         return
-    s = max(0.0, (t_ns - from_ns) / schedule.blend_ns)
+    s = (t_ns - from_ns) / schedule.blend_ns if t_ns > from_ns else 0.0
     value, rate = (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), s * (1.0 - s) * (1.0 - s) * (schedule.blend_ns * NS)
     for k in range(3):
         x[k] += value * blend[0, k] + rate * blend[1, k]

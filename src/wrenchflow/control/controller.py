@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from wrenchflow.control import impedance as law
 from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.joint_speed import set_speed_limits
 from wrenchflow.control.packet import ACCEPTED, REASONS
 from wrenchflow.control.records import CTL, OBS, REQ
 from wrenchflow.control.safeguards import GATE_REQUEST, LATCHED, MODES, SAFEGUARDS, cause_of, names_of
@@ -62,6 +63,7 @@ class Controller:
         _set_energy(state, config)
         _set_triggers(state, rig, config)
         _set_sensor(state, rig)
+        set_speed_limits(self.ctl, rig.robot)
         self.set_contact_zone(np.full(3, np.inf), np.full(3, -np.inf))
 
     def set_contact_zone(self, min_m: Float[np.ndarray, " 3"], max_m: Float[np.ndarray, " 3"]) -> None:
@@ -145,7 +147,8 @@ class Controller:
             ticks: How long it lasts.
             impedance: How stiffly it is followed.
             wrench: Feed-forward: exerted besides the spring's, base axes, about the TCP [N, N.m]. Shape (6,).
-            disturbance_m: Added to what is tracked, not to the target that is recorded [m]. Shape (3,).
+            disturbance_m: Added to what is tracked, not to the target that is recorded [m]; it goes there from the last
+                one in a straight line, as the target does. Shape (3,).
             every_s: How often this is asked anew [s]: silence of 2.5 times this (100 ms at least) is a hold. Infinity
                 for a request that does not expire.
         """
@@ -241,7 +244,7 @@ def _set_triggers(state: np.void, rig: Rig, config: ControlConfig) -> None:
     state["retreat_force"], state["retreat_moment"] = config.retreat_force_n, config.retreat_moment_nm
     state["retreat_patience_ticks"] = _ticks(config.retreat_patience_s)
     state["impact_force"] = config.impact_force_n
-    state["dq_max"], state["dq_share"] = rig.robot.velocity_rad_s, config.joint_speed_share
+    state["dq_share"] = config.joint_speed_share
     state["q_min"], state["q_max"] = rig.robot.position_min_rad, rig.robot.position_max_rad
     state["q_margin"] = config.joint_margin_rad
     state["overrun_ns"], state["overrun_max_ns"] = round(config.overrun_s * 1e9), round(config.overrun_max_s * 1e9)

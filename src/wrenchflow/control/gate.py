@@ -22,6 +22,21 @@ def note(ctl, safeguard):
 
 
 @kernel
+def fill(values, value):
+    """Set every value of an array; a slice would do the same, and take a second to compile for each kind of array."""
+    for i in range(values.size):
+        values.flat[i] = value
+
+
+@kernel
+def copy_into(values, out):
+    """Copy one (3, 3) matrix into another."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = values[i, j]
+
+
+@kernel
 def all_finite(values):
     """Whether every value is finite; min and max let NaN pass, so it is asked outright."""
     for value in values.flat:  # noqa: SIM110 (numba compiles the loop, not the generator)

@@ -11,7 +11,7 @@ from wrenchflow.compiled import kernel
 from wrenchflow.control.damping import design_damping
 from wrenchflow.control.energy import account, available, error_into, raise_gain
 from wrenchflow.control.felt import feel, length
-from wrenchflow.control.gate import all_finite, is_on, note, request_is_sound, state_is_finite
+from wrenchflow.control.gate import all_finite, fill, is_on, note, request_is_sound, state_is_finite
 from wrenchflow.control.modes import OVER_BUDGET, decide_mode, enter
 from wrenchflow.control.records import JOINTS
 from wrenchflow.control.reference import govern_reference, speed_max
@@ -50,7 +50,7 @@ def start(obs, schedule, ctl):
     ctl.gain = ctl.spring = 0.0
     ctl.tank = ctl.tank_start
     ctl.budget = ctl.tank_start
-    ctl.over_ticks[:] = 0
+    fill(ctl.over_ticks, 0)
     ctl.frozen_ticks = 0
     for i in range(3):
         ctl.x_d[i] = ctl.x_target[i] = obs.x[i]
@@ -59,8 +59,8 @@ def start(obs, schedule, ctl):
             ctl.R_d[i, j] = ctl.R_target[i, j] = obs.R[i, j]
             ctl.K_lin_target[i, j], ctl.K_rot_target[i, j] = ctl.K_lin[i, j], ctl.K_rot[i, j]
     ctl.damping_ratio_target = ctl.damping_ratio
-    ctl.wrench_target[:] = 0.0
-    ctl.wrench_command[:] = 0.0
+    fill(ctl.wrench_target, 0.0)
+    fill(ctl.wrench_command, 0.0)
     ctl.gripper_target = math.nan
     for j in range(JOINTS):
         ctl.q_null[j] = ctl.q_last[j] = obs.q[j]
@@ -75,7 +75,7 @@ def tick(obs, req, schedule, ctl):
     to zero while the state cannot be read. Gravity stays compensated by the robot.
     """
     ctl.acting, ctl.pending = ctl.pending, 0
-    ctl.tau_wanted[:] = 0.0
+    fill(ctl.tau_wanted, 0.0)
     is_finite = state_is_finite(obs)
     if not is_finite and is_on(ctl, GATE_STATE) and ctl.mode != LATCHED:
         enter(ctl, LATCHED, GATE_STATE)
@@ -142,7 +142,7 @@ def _decide_torque(obs, req, schedule, ctl):
         _follow_segment(req, ctl)
     if ctl.mode == SOFT_STOP:
         ctl.gain = max(0.0, ctl.gain - ctl.stop_step)
-        ctl.wrench_target[:] = 0.0
+        fill(ctl.wrench_target, 0.0)
     else:
         raise_gain(ctl)
         govern_stiffness(ctl)
@@ -155,6 +155,9 @@ def _decide_torque(obs, req, schedule, ctl):
 @kernel
 def _follow_segment(req, ctl):
     """The target of this tick: along the segment, then at its end."""
+    if ctl.segment_tick == 0:
+        for i in range(3):
+            ctl.x_offset_start[i] = ctl.x_offset[i]
     ctl.segment_tick += 1
     share = 1.0 if ctl.segment_tick >= req.ticks else ctl.segment_tick / req.ticks
     step = ctl.matrices[0]
@@ -162,7 +165,7 @@ def _follow_segment(req, ctl):
     multiply_into(step, req.R_start, ctl.R_target)
     for i in range(3):
         ctl.x_target[i] = req.x_start[i] + share * (req.x_stop[i] - req.x_start[i])
-        ctl.x_offset[i] = req.x_offset[i]
+        ctl.x_offset[i] = ctl.x_offset_start[i] + share * (req.x_offset[i] - ctl.x_offset_start[i])
         ctl.wrench_target[i], ctl.wrench_target[3 + i] = req.wrench[i], req.wrench[3 + i]
         for j in range(3):
             ctl.K_lin_target[i, j], ctl.K_rot_target[i, j] = req.K_lin[i, j], req.K_rot[i, j]
@@ -187,7 +190,7 @@ def _law(obs, ctl):
             linear += ctl.K_lin[i, j] * e[j]
             angular += ctl.K_rot[i, j] * e[3 + j]
         F[i], F[3 + i] = ctl.gain * linear, ctl.gain * angular
-    ctl.tau_spring[:] = 0.0
+    fill(ctl.tau_spring, 0.0)
     _add_torque(obs, F, ctl.tau_spring)
     if ctl.mode == SOFT_STOP:  # Nothing pays for it any more: what the spring still does, it does from its own.
         ctl.spring = 0.5 * (F[0] * e[0] + F[1] * e[1] + F[2] * e[2] + F[3] * e[3] + F[4] * e[4] + F[5] * e[5])
@@ -249,7 +252,7 @@ def _feed_forward(ctl):
         F[a] = ctl.wrench_target[a]
         asked = asked or F[a] != 0.0
     if not asked or ctl.mode != RUN:
-        F[:] = 0.0
+        fill(F, 0.0)
         return
     for a in range(6):
         F[a] *= ctl.gain
@@ -268,7 +271,7 @@ def _feed_forward(ctl):
 def _cap(obs, ctl):
     """Cap the force of spring and feed-forward together; the ledger keeps what the cap took away apart."""
     F, asked = ctl.F, ctl.sample
-    ctl.tau_fed[:] = 0.0
+    fill(ctl.tau_fed, 0.0)
     _add_torque(obs, ctl.wrench_command, ctl.tau_fed)
     for a in range(6):
         F[a] += ctl.wrench_command[a]
@@ -299,9 +302,10 @@ def _damp(obs, ctl):
             s -= ctl.D[a, b] * V[b]
         F[a] = s
     if is_on(ctl, ARM_SPEED):
-        _brake_excess(ctl, 0, ctl.arm_speed_share * speed_max(ctl, obs.x) / TICK_S)
-        _brake_excess(ctl, 3, ctl.arm_speed_share * ctl.turn_step_max / TICK_S)
-    ctl.tau_damping[:] = 0.0
+        step = ctl.arm_speed_share * speed_max(ctl, obs.x)
+        _brake_excess(ctl, 0, step / TICK_S)
+        _brake_excess(ctl, 3, step / ctl.x_step_max * ctl.turn_step_max / TICK_S)
+    fill(ctl.tau_damping, 0.0)
     _add_torque(obs, F, ctl.tau_damping)
     brake = ctl.brake * (1.0 - ctl.gain) if ctl.mode == SOFT_STOP else 0.0
     if ctl.budget < 0.0 and is_on(ctl, OBSERVER):
@@ -334,7 +338,7 @@ def _brake_excess(ctl, first, fastest):
 def _brake(obs, ctl, is_finite):
     """Latched: every joint is braked, or nothing is done while the state cannot be read; the spring is let go."""
     ctl.gain = ctl.spring = 0.0
-    ctl.wrench_command[:] = 0.0
+    fill(ctl.wrench_command, 0.0)
     for j in range(JOINTS):
         ctl.tau_damping[j] = -ctl.brake * obs.dq[j] if is_finite else 0.0
         ctl.tau_spring[j] = ctl.tau_fed[j] = ctl.tau_posed[j] = 0.0

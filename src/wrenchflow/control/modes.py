@@ -13,10 +13,13 @@ A state is only ever left for one further down, but for RETREAT and HOLD.
 
 import math
 
+import numpy as np
+
 from wrenchflow.compiled import kernel
 from wrenchflow.control.energy import set_spring
 from wrenchflow.control.felt import length
-from wrenchflow.control.gate import is_on, note
+from wrenchflow.control.gate import fill, is_on, note
+from wrenchflow.control.joint_speed import speed_limit
 from wrenchflow.control.records import JOINTS
 from wrenchflow.control.safeguards import (
     EMERGENCY_STOP,
@@ -40,7 +43,7 @@ from wrenchflow.control.safeguards import (
 )
 
 # Places in CTL.over_ticks.
-OVER_FORCE, OVER_MOMENT, OVER_BUDGET, OVERRUNS, STALE = range(5)
+OVER_FORCE, OVER_MOMENT, OVER_BUDGET, OVERRUNS, STALE = np.arange(5)
 _MOVES_OUT_RAD_S = 0.01  # Less is the noise of a joint at rest.
 _ARRIVED_M = 1e-4
 _LEAST_N = 1.0  # A force that is smaller has no direction to retreat along.
@@ -137,7 +140,7 @@ def _retreat(obs, ctl, cause):
         ctl.x_target[i] = ctl.x_retreat[i]
         for j in range(3):
             ctl.R_d[i, j] = ctl.R_target[i, j] = obs.R[i, j]
-    ctl.e[:] = 0.0
+    fill(ctl.e, 0.0)
     set_spring(ctl, 0.0)
 
 
@@ -181,6 +184,6 @@ def _reason_to_stop(obs, ctl):
         outward = obs.dq[j] if obs.q[j] > 0.5 * (ctl.q_min[j] + ctl.q_max[j]) else -obs.dq[j]
         if out > 0.0 and outward > _MOVES_OUT_RAD_S and is_on(ctl, JOINT_LIMIT):
             return JOINT_LIMIT
-        if abs(obs.dq[j]) > ctl.dq_share * ctl.dq_max[j] and is_on(ctl, JOINT_SPEED):
+        if abs(obs.dq[j]) > ctl.dq_share * speed_limit(ctl, j, obs.q[j], obs.dq[j]) and is_on(ctl, JOINT_SPEED):
             return JOINT_SPEED
     return NO_CAUSE

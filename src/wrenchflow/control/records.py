@@ -44,7 +44,7 @@ REQ = record_dtype(
         ("K_rot", "f8", (3, 3)),  # [N.m/rad]
         ("damping_ratio", "f8"),
         ("wrench", "f8", 6),  # feed-forward: exerted besides the spring, base axes, about the TCP [N, N.m]
-        ("x_offset", "f8", 3),  # a disturbance to be tracked besides, which is not part of the target [m]
+        ("x_offset", "f8", 3),  # a disturbance at the end, to be tracked besides; not part of the target [m]
     ]
 )
 
@@ -78,6 +78,7 @@ CTL = record_dtype(
         ("wrench_target", "f8", 6),  # feed-forward [N, N.m]
         ("gripper_target", "f8"),  # width [m]; NaN where none is asked
         ("x_offset", "f8", 3),  # the disturbance in force [m]
+        ("x_offset_start", "f8", 3),  # and at the beginning of the segment
         # What is given.
         ("x_d", "f8", 3),  # the reference that is tracked
         ("R_d", "f8", (3, 3)),

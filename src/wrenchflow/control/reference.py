@@ -10,7 +10,7 @@ import math
 
 from wrenchflow.compiled import kernel
 from wrenchflow.control.energy import available, error_into, potential, set_spring
-from wrenchflow.control.gate import is_on, note
+from wrenchflow.control.gate import copy_into, is_on, note
 from wrenchflow.control.safeguards import (
     CONTACT_ZONE,
     LEASH,
@@ -37,15 +37,18 @@ def govern_reference(obs, ctl, moves):
 
 @kernel
 def speed_max(ctl, x):
-    """The speed that the reference may have when the tool is at `x`, as a step a tick [m].
+    """The speed that the reference may have when the tool is at `x`, as a step a tick [m]."""
+    return min(ctl.x_step_max, _zone_speed_max(ctl, x))
 
-    In the zone where contact is expected it is small, and it grows with the distance from there.
-    """
+
+@kernel
+def _zone_speed_max(ctl, x):
+    """The same for the sake of the zone where contact is expected: small in it, more with the distance from there."""
     square = 0.0
     for i in range(3):
         beside = max(max(ctl.zone_min[i] - x[i], x[i] - ctl.zone_max[i]), 0.0)
         square += beside * beside
-    return min(ctl.x_step_max, ctl.zone_step_max + ctl.zone_slowing * math.sqrt(square))
+    return ctl.zone_step_max + ctl.zone_slowing * math.sqrt(square)
 
 
 @kernel
@@ -119,7 +122,7 @@ def _step_position(obs, ctl):
         note(ctl, SPEED)
         step_max = ctl.x_step_max
     if is_on(ctl, CONTACT_ZONE):
-        allowed = min(speed_max(ctl, obs.x), speed_max(ctl, ctl.x_d))
+        allowed = min(_zone_speed_max(ctl, obs.x), _zone_speed_max(ctl, ctl.x_d))
         if step_max > allowed:
             note(ctl, CONTACT_ZONE)
             step_max = allowed
@@ -133,12 +136,17 @@ def _step_position(obs, ctl):
 def _step_rotation(obs, ctl):
     """The voluntary turn: within an angle of the measured orientation, then a limited turn towards the target."""
     wanted, before = ctl.matrices[2], ctl.matrices[3]
-    before[:] = ctl.R_d
-    wanted[:] = ctl.R_target
+    copy_into(ctl.R_d, before)
+    copy_into(ctl.R_target, wanted)
     if is_on(ctl, LEASH_ROTATION) and pull_within(wanted, obs.R, _leash_rad(ctl), ctl.matrices, ctl.vector):
         note(ctl, LEASH_ROTATION)
     if is_on(ctl, TURN) and pull_within(wanted, ctl.R_d, ctl.turn_step_max, ctl.matrices, ctl.vector):
         note(ctl, TURN)
+    if is_on(ctl, CONTACT_ZONE):
+        # A tool that turns about its tip hits too: where it must go slowly, it turns slowly by the same share.
+        slowest = min(speed_max(ctl, obs.x), speed_max(ctl, ctl.x_d)) / ctl.x_step_max
+        if pull_within(wanted, ctl.R_d, slowest * ctl.turn_step_max, ctl.matrices, ctl.vector):
+            note(ctl, CONTACT_ZONE)
     _orthonormal_into(wanted, ctl.R_d)
 
 
@@ -197,7 +205,7 @@ def pull_within(rotation, centre, angle_max, work, vector):
     share = angle_max / angle
     exp_into(share * vector[0], share * vector[1], share * vector[2], difference)
     multiply_into(difference, centre, turned)
-    rotation[:] = turned
+    copy_into(turned, rotation)
     return True
 
 

@@ -5,6 +5,8 @@ safeguard's number is its bit in `CTL.acting` (what intervened at this tick) and
 that its worth can be measured in simulation), and the value of `CTL.cause` when it changed the mode.
 """
 
+import numpy as np
+
 # Each with what it does when it acts.
 SAFEGUARDS = {
     "gate-state": "the robot's state was not finite: latched",
@@ -79,11 +81,11 @@ SAFEGUARDS = {
     STALE_STATE,
     SENSOR,
     EMERGENCY_STOP,
-) = range(len(SAFEGUARDS))
-NO_CAUSE = -1
+) = np.arange(len(SAFEGUARDS))  # Not plain integers: numba compiles a function anew for each of those.
+NO_CAUSE = np.int64(-1)
 
 MODES = ("run", "hold", "retreat", "soft-stop", "latched")
-RUN, HOLD, RETREAT, SOFT_STOP, LATCHED = range(len(MODES))
+RUN, HOLD, RETREAT, SOFT_STOP, LATCHED = np.arange(len(MODES))
 
 
 def names_of(bits: int) -> tuple[str, ...]:

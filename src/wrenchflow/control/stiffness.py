@@ -14,10 +14,12 @@ Source: Kronander, Billard, *Stability Considerations for Variable Impedance Con
 
 import math
 
+import numpy as np
+
 from wrenchflow.compiled import kernel
 from wrenchflow.control.damping import cholesky, eigen_symmetric, solve_lower
 from wrenchflow.control.energy import available, potential, set_spring
-from wrenchflow.control.gate import is_on, note
+from wrenchflow.control.gate import copy_into, is_on, note
 from wrenchflow.control.safeguards import (
     DAMPING_RANGE,
     DAMPING_SLEW,
@@ -59,8 +61,8 @@ def govern_stiffness(ctl):
         _step(ctl.K_lin, wanted_lin, paid)
         _step(ctl.K_rot, wanted_rot, paid)
         spring = ctl.gain * potential(ctl.e, wanted_lin, wanted_rot)
-    ctl.K_lin[:] = wanted_lin
-    ctl.K_rot[:] = wanted_rot
+    copy_into(wanted_lin, ctl.K_lin)
+    copy_into(wanted_rot, ctl.K_rot)
     set_spring(ctl, spring)
 
 
@@ -99,7 +101,8 @@ def clamp_stiffness(K, low, high, out):
             changed = changed or out[i, i] != K[i, i]
         return changed
     # Small scratch matrices are the stack's, and only for stiffnesses that are not along the base axes.
-    A, U = K.copy(), K.copy()
+    A, U = np.empty((3, 3)), np.empty((3, 3))
+    copy_into(K, A)
     eigen_symmetric(A, U)
     changed = False
     for i in range(3):
@@ -119,7 +122,7 @@ def clamp_stiffness(K, low, high, out):
 @kernel
 def _into_range(ctl, K, low, high, out):
     if not is_on(ctl, STIFFNESS_RANGE):
-        out[:] = K
+        copy_into(K, out)
     elif clamp_stiffness(K, low, high, out):
         note(ctl, STIFFNESS_RANGE)
 
@@ -151,10 +154,13 @@ def _extremes(K, wanted):
             rise = max(rise, (wanted[i, i] - K[i, i]) / K[i, i])
             fall = max(fall, K[i, i] - wanted[i, i])
         return softest, rise, fall
-    A, U, L, step = K.copy(), K.copy(), K.copy(), wanted - K
+    A, U, L, step = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    copy_into(K, A)
     eigen_symmetric(A, U)
     softest = min(A[0, 0], min(A[1, 1], A[2, 2]))
-    A[:] = step
+    for i in range(3):
+        for j in range(3):
+            A[i, j] = step[i, j] = wanted[i, j] - K[i, j]
     eigen_symmetric(A, U)
     fall = max(0.0, -min(A[0, 0], min(A[1, 1], A[2, 2])))
     # The largest eigenvalue of L^-1 dK L^-T, where K = L L^T.

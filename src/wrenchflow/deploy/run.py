@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -11,8 +12,10 @@ from wrenchflow.deploy.evaluation import Verdict, judge, summarise
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError
 from wrenchflow.manifest import output_folder, write_json, write_manifest
+from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.startup import check_cell
+from wrenchflow.sim.streams import ROWS
 from wrenchflow.sim.tasks import scenery
 
 EVALUATION = "evaluation.json"
@@ -25,11 +28,12 @@ class _Batch:
     run: Path
     config: DeployConfig
     folder: Path | None
+    boxes: Path | None
 
     def __call__(self, indices: Sequence[int]) -> list[Verdict]:
         import torch
 
-        from wrenchflow.deploy.rollout import roll_out
+        from wrenchflow.deploy.rollout import roll_out, rollout_id
         from wrenchflow.policy.checkpoint import load_policy
         from wrenchflow.policy.policy import WithoutForceInput
 
@@ -37,14 +41,20 @@ class _Batch:
         policy = load_policy(self.run)
         acting = WithoutForceInput(policy) if self.config.wrench_input == "zeroed" else policy
         task, rig, model = scenery(self.config.task, self.config.rig)
-        verdicts = []
-        for episode in roll_out(indices, acting, task, model, rig, self.config):
-            verdict = judge(episode, self.config)
-            verdicts.append(verdict)
-            if self.folder is not None:
-                # Who pressed too hard did not succeed, whatever the task says.
-                result = {**episode.meta["result"], **to_mapping(verdict)}
-                write_episode(self.folder / f"{episode.id}.mcap", episode.with_meta(result=result))
+        verdicts, known = [], {"deploy": to_mapping(self.config)}
+        with ExitStack() as stack:
+            boxes = [
+                stack.enter_context(BlackBox(self.boxes, ROWS, id=name, task=task.name, meta=known))
+                for name in (rollout_id(self.config, index) for index in indices)
+                if self.boxes is not None
+            ]
+            for episode in roll_out(indices, acting, task, model, rig, self.config, boxes):
+                verdict = judge(episode, self.config)
+                verdicts.append(verdict)
+                if self.folder is not None:
+                    # Who pressed too hard did not succeed, whatever the task says.
+                    result = {**episode.meta["result"], **to_mapping(verdict)}
+                    write_episode(self.folder / f"{episode.id}.mcap", episode.with_meta(result=result))
         return verdicts
 
 
@@ -54,6 +64,7 @@ def evaluate(
     *,
     jobs: int = 1,
     folder: Path | None = None,
+    boxes: Path | None = None,
     executor: Executor | None = None,
 ) -> Iterator[Verdict]:
     """Let a policy try `config.episodes` times.
@@ -63,6 +74,7 @@ def evaluate(
         config: Task, seed, limits.
         jobs: Worker processes.
         folder: Where each attempt is recorded; None records nothing.
+        boxes: Where the black boxes of attempts go that do not end well; None keeps none.
         executor: Used in place of worker processes of its own.
 
     Yields:
@@ -80,7 +92,7 @@ def evaluate(
     batches = [
         range(start, min(start + config.batch, config.episodes)) for start in range(0, config.episodes, config.batch)
     ]
-    for verdicts in map_episodes(_Batch(run, config, folder), batches, jobs=jobs, executor=executor):
+    for verdicts in map_episodes(_Batch(run, config, folder, boxes), batches, jobs=jobs, executor=executor):
         yield from verdicts
 
 
@@ -118,9 +130,10 @@ def deploy_folder(
     with output_folder(out, overwrite=overwrite, reads=[run]) as folder:
         startup = check_cell(config)
         verdicts = []
-        for verdict in evaluate(run, config, jobs=jobs, folder=folder, executor=executor):
-            verdicts.append(verdict)
-            yield verdict
+        with black_boxes(out) as boxes:
+            for verdict in evaluate(run, config, jobs=jobs, folder=folder, boxes=boxes, executor=executor):
+                verdicts.append(verdict)
+                yield verdict
         attempts = [asdict(verdict) for verdict in verdicts]
         write_json(folder / EVALUATION, {**summarise(verdicts), "attempts_by_id": attempts})
         write_manifest(folder, "deploy", config, sorted(run.glob("*.json")), seed=config.seed, startup=startup)

@@ -305,7 +305,7 @@ def map_file(path: Path) -> memoryview:
 
 def _open(path: Path) -> memoryview:
     """The bytes of a file that begins and ends as an MCAP file does."""
-    if path.suffix == ".partial":
+    if path.suffix in (".partial", ".rows"):
         raise RecordingError(
             f"{path} is an unfinished recording: it is being written, or was interrupted. "
             f"`wrenchflow recover {path}` saves what it holds."

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from typing import Any
 
 from wrenchflow.errors import StreamError
 from wrenchflow.signals import Signal
@@ -18,6 +19,17 @@ RECOVERED = "wrenchflow/recovered"
 CLOSING = ("result", "safety", "recorded")
 # Keeps the entries of an episode's `meta` apart from ours.
 META_PREFIX = "meta."
+
+
+def signal_of(entry: Mapping[str, Any]) -> Signal:
+    """The signal that an entry of ours describes.
+
+    Raises:
+        KeyError: If it does not.
+        StreamError: If it contradicts itself.
+        TypeError: If it does not.
+    """
+    return Signal(entry["kind"], tuple(entry["columns"]), tuple(entry["units"]))
 
 
 def readable(name: str, entries: Mapping[str, str]) -> dict[str, str]:
@@ -47,7 +59,7 @@ def _is_json(text: str) -> bool:
 def _says_streams(entries: Mapping[str, str]) -> bool:
     try:
         for of in json.loads(entries["streams"]).values():
-            Signal(of["kind"], tuple(of["columns"]), tuple(of["units"]))
+            signal_of(of)
         return int(entries["format_version"]) > 0 and entries.keys() >= {"id", "task"}
     except (AttributeError, KeyError, TypeError, ValueError, StreamError):
         return False

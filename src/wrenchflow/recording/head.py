@@ -8,7 +8,7 @@ from typing import Any
 from wrenchflow.errors import RecordingError, StreamError
 from wrenchflow.recording import schemas
 from wrenchflow.recording.container import Container
-from wrenchflow.recording.file_format import CLOSING, FORMAT_VERSION, META_PREFIX, METADATA, RESULT
+from wrenchflow.recording.file_format import CLOSING, FORMAT_VERSION, META_PREFIX, METADATA, RESULT, signal_of
 from wrenchflow.signals import Signal
 
 
@@ -51,10 +51,7 @@ def read_head(container: Container) -> Head:
             key.removeprefix(META_PREFIX): json.loads(entries[key]) for key in entries if key.startswith(META_PREFIX)
         }
         meta |= {key: json.loads(result[key]) for key in CLOSING if key in result}
-        streams = {
-            name: (Signal(of["kind"], tuple(of["columns"]), tuple(of["units"])), of["frame"])
-            for name, of in json.loads(entries["streams"]).items()
-        }
+        streams = {name: (signal_of(of), of["frame"]) for name, of in json.loads(entries["streams"]).items()}
         for signal, _ in streams.values():
             schemas.message_of(signal)  # Says so if no message can carry it.
         return Head(entries["id"], entries["task"], meta, streams, is_ours=True)

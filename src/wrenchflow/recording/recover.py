@@ -1,4 +1,4 @@
-"""Saves what can be saved of an MCAP file that was cut off or damaged, whoever wrote it.
+"""Saves what can be saved of an MCAP file that was cut off or damaged, whoever wrote it, or of a file of rows.
 
 The rule: a message is kept if its bytes are known to be whole, and nothing is made up. Whole chunks are copied as they
 are, after a look at their checksum; of a chunk that was cut off, every message before the cut is kept; of one whose
@@ -25,12 +25,14 @@ from mcap.records import Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from wrenchflow.errors import OutputError, RecordingError
+from wrenchflow.recording import row_file
 from wrenchflow.recording.compression import MAX_CHUNK_BYTES, decompress
 from wrenchflow.recording.container import map_file, read_attachment
 from wrenchflow.recording.file_format import METADATA, RECOVERED, RESULT, readable
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.sink import Sink
 from wrenchflow.recording.summary import read_summary
+from wrenchflow.recording.write import write_episode
 
 _PREFIX = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
@@ -59,7 +61,7 @@ def recover(path: Path, out: Path) -> Recovery:
     """Write a whole file with all that can be saved of another, which stays as it is.
 
     Args:
-        path: An MCAP file, whole or not, `.partial` or not.
+        path: An MCAP file, whole or not, `.partial` or not; or the rows of an attempt whose process died.
         out: The new file.
 
     Raises:
@@ -70,6 +72,8 @@ def recover(path: Path, out: Path) -> Recovery:
     if out.with_name(out.name + ".partial").resolve() == path.resolve():
         raise OutputError(f"output '{out}' is written through '{path.name}', which is to be recovered. Choose another.")
     _require_unwritten(path)
+    if path.suffix == row_file.SUFFIX:
+        return _recover_rows(path, out)
     data = _open(path)
     salvage = _Salvage(path, data, out)
     try:
@@ -80,6 +84,15 @@ def recover(path: Path, out: Path) -> Recovery:
         raise
     finally:
         salvage.close()
+
+
+def _recover_rows(path: Path, out: Path) -> Recovery:
+    episode = row_file.read_row_file(path)
+    if not episode.streams:
+        raise RecordingError(f"nothing of '{path}' can be saved: it holds no row that is whole.")
+    write_episode(out, episode)
+    messages = sum(map(len, episode.streams.values())) + len(episode.events)
+    return Recovery(messages=messages, chunks=0, problems=("what came of the episode is not known",))
 
 
 class _Message(NamedTuple):

@@ -28,6 +28,8 @@ from wrenchflow.sim.tasks.task import Scene, Task, mjcf_of
 Beat = Callable[[np.ndarray], None]
 # Called with the time [ns], the number of a picture, and what the scene looks like then.
 Glance = Callable[[int, int, np.ndarray], None]
+# Called with what is known of an attempt and how many rows there may be; gives zeros of dtype `ROW` to store them in.
+Keep = Callable[[Mapping[str, Any], int], np.ndarray]
 
 _MARGIN_S = 1.0  # The last step may end after the time limit.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
@@ -62,6 +64,7 @@ class Attempt:
         glance: Glance | None = None,
         glance_hz: float = 30.0,
         without: Iterable[str] = (),
+        keep: Keep | None = None,
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -77,9 +80,10 @@ class Attempt:
             glance: Called `glance_hz` times a second; what happens does not depend on it.
             glance_hz: Pictures a second.
             without: Safeguards that are left out, to see what each is worth.
+            keep: Gives the memory that rows are stored in, such as a black box's; without it they are nobody else's.
         """
-        scene_rng, plant_rng, self.rng = generators(seed)
-        self.task, self.rig, self.seed, self._impedance = task, rig, seed, config.impedance
+        scene_rng, plant_rng, self.rng, self.link_rng = generators(seed)
+        self.task, self.rig, self.seed, self.impedance = task, rig, seed, config.impedance
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
@@ -89,6 +93,8 @@ class Attempt:
         self.controller.set_contact_zone(*task.contact_zone(self.scene))
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
+        if keep is not None:
+            self.plant.rows = keep(self.meta, len(self.plant.rows))
         self._glance, self._glance_hz, self._glances = glance, glance_hz, 0
         self.beat = None if beat is None else beat(self)
         # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
@@ -111,12 +117,25 @@ class Attempt:
             self.target_pose,
             target,
             ticks=ticks,
-            impedance=self._impedance,
+            impedance=self.impedance,
             disturbance_m=disturbance_m,
             every_s=every_s,
         )
         self.target_pose = target
         return self._run(ticks)
+
+    def accept(self, packet: np.ndarray) -> str:
+        """Take in a plan before the next tick: what becomes of it, by `Controller.accept`."""
+        return self.controller.accept(packet, self.now_ns)
+
+    def follow(self, ticks: int) -> np.ndarray:
+        """Let the arm follow what it was asked for; returns the new rows."""
+        return self._run(ticks)
+
+    @property
+    def now_ns(self) -> int:
+        """Stamp of the next tick."""
+        return int(self.plant.recorded[-1]["t_ns"]) + TICK_NS
 
     def _run(self, ticks: int) -> np.ndarray:
         first = self.plant.count
@@ -128,8 +147,7 @@ class Attempt:
             due = tick_of_picture(self._glances, self._glance_hz)
             self._tick(min(due, stop) - self.plant.count)
             if self.plant.count == due:
-                now_ns = int(self.plant.recorded["t_ns"][-1]) + TICK_NS
-                self._glance(now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
+                self._glance(self.now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
                 self._glances += 1
         return self.plant.rows[first:stop]
 
@@ -193,7 +211,7 @@ class Attempt:
         return {
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
-            "impedance": to_mapping(self._impedance),
+            "impedance": to_mapping(self.impedance),
             STREAM: {"modes": list(MODES), "safeguards": list(SAFEGUARDS)},
             # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {
@@ -262,8 +280,8 @@ def picture_at(tick: int, rate_hz: float) -> int | None:
 
 
 def generators(seed: Sequence[int]) -> list[np.random.Generator]:
-    """The three sources of chance in an attempt: the scene, the plant, and whoever acts."""
-    return np.random.default_rng(tuple(seed)).spawn(3)
+    """The sources of chance in an attempt: the scene, the plant, whoever acts, and the way of what they send."""
+    return np.random.default_rng(tuple(seed)).spawn(4)
 
 
 def episode_id(task: str, seed: int, index: int) -> str:

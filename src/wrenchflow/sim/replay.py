@@ -64,7 +64,7 @@ def replay(episode: Episode) -> Replay:
             f"episode {episode.id} has a state of {state.size} numbers, and its model takes {state_size(model)}."
         )
     data = mujoco.MjData(model)
-    _, plant_rng, _ = generators(episode.meta["seed"])
+    _, plant_rng, *_ = generators(episode.meta["seed"])
     measurement = from_mapping(Measurement, start["measurement"], where=f"{episode.id}: measurement")
     plant = Plant(model, data, rig_of(episode.meta, episode.id), measurement, plant_rng, capacity_s=0.001)
     set_state(model, data, state)

@@ -6,7 +6,8 @@ from wrenchflow import signals
 from wrenchflow.episode import Stream
 from wrenchflow.errors import StreamError
 from wrenchflow.sim.engine import TICK_NS
-from wrenchflow.source import Column
+from wrenchflow.sim.row import ROW
+from wrenchflow.source import Column, Source
 
 # Forces belong to the tick before their row, and are stamped so.
 COLUMNS = (
@@ -22,6 +23,9 @@ COLUMNS = (
     Column(name="external_torque", signal=signals.JOINT_TORQUE, lag_ns=TICK_NS),
     Column(name="wrench_raw", signal=signals.WRENCH, frame="sensor", lag_ns=TICK_NS),
 )
+
+# A row of the simulated arm, for who records rows as they are.
+ROWS = Source(name="plant", dtype=ROW, columns=COLUMNS)
 
 
 def streams_of(rows: np.ndarray) -> dict[str, Stream]:

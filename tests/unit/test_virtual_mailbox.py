@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import halfnorm, kstest
 
 from wrenchflow.control.packet import PACKET
-from wrenchflow.deploy.mailbox import Link, VirtualMailbox
+from wrenchflow.deploy.link import Link
+from wrenchflow.deploy.virtual_mailbox import VirtualMailbox
 from wrenchflow.errors import ConfigError
 
 MS = 1_000_000
