@@ -20,7 +20,7 @@ def check_cell(config: AttemptConfig) -> StartupReport:
         StartupError: If a check fails.
     """
     task, rig, model = scenery(config.task, config.rig)
-    scene_rng, plant_rng, _ = generators((config.seed, 0, CHECK))
+    scene_rng, plant_rng, *_ = generators((config.seed, 0, CHECK))
     data = mujoco.MjData(model)
     task.place(model, data, task.draw(model, scene_rng))
     plant = Plant(model, data, rig, Measurement(), plant_rng, capacity_s=0.0)
