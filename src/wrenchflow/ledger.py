@@ -20,7 +20,7 @@ ENERGIES = ("tank", "spring", "budget", "kinetic")
 WORK = ("damped", "fed", "posed", "saturated", "exerted", "filled")
 
 _RUN = 0
-_REJECTS = "gate-request"
+_REFUSES = "gate-request"
 _LEASHES = ("leash", "leash-rotation")
 # What a safeguard does again within this time is one intervention to a person.
 _MERGED_NS = 100_000_000
@@ -43,11 +43,13 @@ class Ledger:
         governor: Its stream, of signal `GOVERNOR`.
         modes: Names, by number; the first is the ordinary one.
         safeguards: Names, by number.
+        refusals: When plans were refused [ns], and why; what was refused besides is a segment. None where nobody knows.
     """
 
     governor: Stream
     modes: Sequence[str]
     safeguards: Sequence[str]
+    refusals: Sequence[tuple[int, str]] | None = None
 
     @classmethod
     def of(cls, episode: Episode) -> "Ledger | None":
@@ -85,13 +87,20 @@ class Ledger:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What a person wants to be told: every mode but the ordinary one, and requests that were rejected.
+        """What a person wants to be told: every mode but the ordinary one, and what was refused.
 
         Safeguards that limit act in thousands of ticks; they are counted in `summary`.
         """
         told = [stretch for stretch in self.mode_stretches if stretch.label not in (self.modes[_RUN], "waiting")]
-        told += self.interventions.get(_REJECTS, ())
+        told += [self._refused(stretch) for stretch in self.interventions.get(_REFUSES, ())]
         return tuple(sorted(Event(of.start_ns, of.stop_ns, EVENT_KIND, of.label) for of in told))
+
+    def _refused(self, stretch: Stretch) -> Stretch:
+        """A stretch in which requests were refused, and why they were."""
+        if self.refusals is None:
+            return stretch._replace(label="refused")
+        why = [reason for t_ns, reason in self.refusals if stretch.start_ns <= t_ns <= stretch.stop_ns]
+        return stretch._replace(label=f"refused: {', '.join(dict.fromkeys(why)) or 'segment'}")
 
     def summary(self) -> dict[str, Any]:
         """Plain figures.

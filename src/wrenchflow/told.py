@@ -115,6 +115,7 @@ def _safety(said: Any) -> dict[str, str]:
         return {
             "modes": f"{_pairs(said['ticks'])} ticks" + (f"; entered {entered}" if entered else ""),
             "intervened": f"{_pairs(said['interventions'])} ticks" if said["interventions"] else "nothing",
+            **({"refused": _pairs(said["refusals"])} if said.get("refusals") else {}),
             "extremes": f"leash in {said['leash_share']:.1%} of the ticks, tank down to {said['tank_min_j']:.2f} J, "
             f"force up to {said['peak_force_n']:.1f} N, moment up to {said['peak_moment_nm']:.2f} N.m",
         }

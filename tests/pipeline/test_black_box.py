@@ -15,6 +15,8 @@ import pytest
 from wrenchflow.collect import session
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.deploy.config import DeployConfig
+from wrenchflow.deploy.run import deploy_folder
 from wrenchflow.errors import ControlError, OutputError, RecordingError
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.reader import read_episode
@@ -124,6 +126,27 @@ def test_what_fails_before_anybody_acts_is_kept_too(tmp_path, monkeypatch, unche
     box = read_episode(the_only(tmp_path / "raw.blackbox"))
     assert set(box.streams) == {column.name for column in ROWS.columns}
     assert box.meta["operator"] == "scripted"
+
+
+def test_a_policy_that_raises_leaves_a_black_box_of_each_attempt_that_it_was_at(
+    tmp_path, monkeypatch, unchecked, chain
+):
+    from wrenchflow.policy.learned import LearnedPolicy
+
+    fail_in(monkeypatch, LearnedPolicy, "act", ZeroDivisionError("by the policy"), after=3)
+    out = tmp_path / "rollouts"
+    with unchecked(), pytest.raises(ZeroDivisionError) as raised:
+        list(deploy_folder(chain.folder / "run", out, DeployConfig(episodes=3, batch=2, seed=5)))
+    assert raised.value.__notes__ == [f"The black boxes of 2 attempts are in '{tmp_path / 'rollouts.blackbox'}'."]
+    boxes = [read_episode(path) for path in sorted((tmp_path / "rollouts.blackbox").iterdir())]
+    assert [box.id for box in boxes] == [episode_id("rollout-peg-insertion", 5, index) for index in range(2)]
+    for box in boxes:
+        assert box.meta["result"] == {"success": False, "failure": "ZeroDivisionError: by the policy"}
+        assert box.meta["deploy"]["seed"] == 5
+        assert box.meta["plans"]["received"] == 2
+        assert box["governor"].column("mode")[-1] == 0.0
+        assert {column.name for column in ROWS.columns} <= set(box.streams)
+    assert list((tmp_path / "rollouts.partial").iterdir()) == []
 
 
 def test_an_attempt_that_ends_well_leaves_nothing(tmp_path, unchecked):

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -13,6 +15,7 @@ from wrenchflow.collect import realtime
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import collect_folder, demonstrate
 from wrenchflow.errors import OutputError
+from wrenchflow.ledger import Ledger
 from wrenchflow.recording.images import images_of
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recover import recover
@@ -76,6 +79,28 @@ def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp
     pose = read_episode(tmp_path / "saved.mcap")["tcp_pose"]
     assert len(pose) > 500
     np.testing.assert_array_equal(pose.data, virtual["tcp_pose"].data[: len(pose)])
+
+
+def test_what_the_safety_layer_did_is_there_after_the_control_process_is_killed(tmp_path, virtual):
+    command = [sys.executable, "-m", "wrenchflow", "collect", "raw", "--episodes", "1", "--seed", "3"]
+    running = subprocess.Popen([*command, "--tare-s", "0.5", "--realtime"], cwd=tmp_path, stderr=subprocess.PIPE)
+    folder, stop_s = tmp_path / "raw.partial", time.monotonic() + 60.0
+    while not any(path.stat().st_size > 100_000 for path in folder.glob("*.mcap.partial")):
+        assert running.poll() is None
+        assert time.monotonic() < stop_s
+        time.sleep(0.01)
+    running.kill()
+    running.communicate()
+    while not (left := list(folder.glob("*.mcap"))):  # The writer completes it.
+        assert time.monotonic() < stop_s
+        time.sleep(0.01)
+    episode = read_episode(left[0])
+    assert episode.meta["result"]["failure"] == "the control process died"
+    assert len(episode["governor"]) == len(episode["request"]) == len(episode["tcp_pose"]) > 200
+    for name in ("governor", "request"):
+        part = virtual[name].data[: len(episode[name])]
+        np.testing.assert_array_equal(episode[name].data, part)
+    assert Ledger.of(episode) is not None  # Names of modes and safeguards were there from the start.
 
 
 def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(

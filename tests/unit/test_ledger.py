@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,13 +58,15 @@ def test_a_mode_that_gets_another_cause_is_another_event():
     assert [event.label for event in of.events] == ["hold: plan-end", "hold: silence"]
 
 
-def test_rejections_are_events_and_what_is_near_is_one_of_them():
+def test_refusals_are_events_and_what_is_near_is_one_of_them():
     acting = [("gate-request",) if k in (5, 6, 40, 300) else () for k in range(400)]
     of = ledger(["run"] * 400, acting=acting)
     assert of.events == (
-        Event(at(5), at(41), "safety", "gate-request"),
-        Event(at(300), at(301), "safety", "gate-request"),
+        Event(at(5), at(41), "safety", "refused"),
+        Event(at(300), at(301), "safety", "refused"),
     )
+    named = replace(of, refusals=((at(5), "past"), (at(6), "replayed"), (at(40), "past")))
+    assert [event.label for event in named.events] == ["refused: past, replayed", "refused: segment"]
     assert of.summary()["interventions"] == {"gate-request": 4}
 
 

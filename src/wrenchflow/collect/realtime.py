@@ -114,7 +114,7 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
         for event in sorted((*attempt.events, *session.phases())):
             beat.recorder.event(event.moved(beat.offset_ns))
         result = {**to_mapping(attempt.outcome), "late_ticks": beat.late}
-        recorded = beat.recorder.finish(result, attempt.ledger.summary())
+        recorded = beat.recorder.finish(result, attempt.safety)
         problems = [of["problem"] for of in recorded.values() if "problem" in of]
         return Demonstration(
             id=name,

@@ -93,6 +93,7 @@ class Attempt:
         self.controller.set_contact_zone(*task.contact_zone(self.scene))
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
+        self._refusals: list[tuple[int, str]] = []
         if keep is not None:
             self.plant.rows = keep(self.meta, len(self.plant.rows))
         self._glance, self._glance_hz, self._glances = glance, glance_hz, 0
@@ -126,7 +127,10 @@ class Attempt:
 
     def accept(self, packet: np.ndarray) -> str:
         """Take in a plan before the next tick: what becomes of it, by `Controller.accept`."""
-        return self.controller.accept(packet, self.now_ns)
+        reason = self.controller.accept(packet, self.now_ns)
+        if reason != "accepted":
+            self._refusals.append((self.now_ns, reason))
+        return reason
 
     def follow(self, ticks: int) -> np.ndarray:
         """Let the arm follow what it was asked for; returns the new rows."""
@@ -203,7 +207,12 @@ class Attempt:
         """The safety layer's account so far."""
         rows = self.plant.recorded
         governor = Stream(rows["t_ns"].copy(), rows[STREAM].copy(), GOVERNOR, "base")
-        return Ledger(governor=governor, modes=MODES, safeguards=tuple(SAFEGUARDS))
+        return Ledger(governor=governor, modes=MODES, safeguards=tuple(SAFEGUARDS), refusals=tuple(self._refusals))
+
+    @property
+    def safety(self) -> dict[str, Any]:
+        """What the safety layer did so far, in figures: the ledger's, and what was refused, by reason."""
+        return {**self.ledger.summary(), "refusals": self.controller.refusals}
 
     @property
     def meta(self) -> dict[str, Any]:
@@ -257,7 +266,7 @@ class Attempt:
             self.task.name,
             {**streams_of(rows), "goal_pose": goal, **streams},
             (*self.events, *events),
-            {**self.meta, **meta, "result": to_mapping(outcome), "safety": self.ledger.summary()},
+            {**self.meta, **meta, "result": to_mapping(outcome), "safety": self.safety},
             attachments=self.attachments(meta),
         )
 
