@@ -41,6 +41,7 @@ def scene(pressed: bool) -> tuple[Plant, Controller]:
     task.place(model, data, drawn)
     plant = Plant(model, data, rig, Measurement(), rng, capacity_s=60.0)
     controller = Controller(rig, ControlConfig())
+    controller.set_contact_zone(*task.contact_zone(drawn))
     plant.begin(controller, impedance)
     above, down = drawn.T_base_goal.copy(), drawn.T_base_goal.copy()
     above[:3] += [0.003, 0.0, 0.005]

@@ -187,6 +187,7 @@ def test_a_law_that_gives_no_finite_torque_latches():
     controller = started(0)
     controller.obs[0]["J"] *= 1e200
     controller.obs[0]["dq"] = 1e200
+    controller.obs[0]["q"] += 0.01  # It does turn.
     ticked(controller)
     assert (controller.mode, controller.cause) == ("latched", "gate-torque")
     np.testing.assert_array_equal(controller.ctl[0]["tau"], -controller.ctl[0]["tau_step_max"])  # It brakes.

@@ -123,7 +123,9 @@ class Reference:
         step = np.clip(inside, obs["x"] - leash, obs["x"] + leash) - x
         fastest = min(self.speed(obs["x"]), self.speed(x)) * 1e-3
         step *= min(1.0, fastest / max(np.linalg.norm(step), 1e-300))
-        turn = (within(within(R_target, R, angle), self.R_d, c.turn_max_rad_s * 1e-3) * R_before.inv()).as_rotvec()
+        slower = min(self.speed(obs["x"]), self.speed(x + step)) / c.speed_max_m_s
+        turn = within(within(R_target, R, angle), self.R_d, slower * c.turn_max_rad_s * 1e-3) * R_before.inv()
+        turn = turn.as_rotvec()
 
         def cost(share):
             self.x_d, self.R_d = x + share * step, Rotation.from_rotvec(share * turn) * R_before
@@ -158,7 +160,8 @@ class Reference:
         e, J, V = self.error(obs), obs["J"], obs["J"] @ obs["dq"]
         spring = self.gain * np.concatenate([self.K[0] @ e[:3], self.K[1] @ e[3:]])
         damping = -self.D @ V
-        for half, fastest in ((slice(0, 3), self.speed(obs["x"])), (slice(3, 6), c.turn_max_rad_s)):
+        fast = self.speed(obs["x"])
+        for half, fastest in ((slice(0, 3), fast), (slice(3, 6), fast / c.speed_max_m_s * c.turn_max_rad_s)):
             speed = np.linalg.norm(V[half])
             excess = max(0.0, 1.0 - c.arm_speed_share * fastest / max(speed, 1e-300))
             damping[half] -= excess / c.brake_s * self.inertia[half, half] @ V[half]
@@ -169,6 +172,10 @@ class Reference:
         for half, cap in ((slice(0, 3), c.force_max_n), (slice(3, 6), c.moment_max_nm)):
             fed[half] *= min(1.0, cap / max(np.linalg.norm(fed[half]), 1e-300))
         fed = fed * self.payable(fed @ V)
+        if fed @ V > 0.0:
+            limit = c.arm_speed_share * self.speed(obs["x"]) * np.array([1.0, c.turn_max_rad_s / c.speed_max_m_s])
+            over = (np.linalg.norm(V.reshape(2, 3), axis=1) / limit).max()
+            fed = fed * np.clip(2.0 * (1.0 - over), 0.0, 1.0)
         both = spring + fed
         for half, cap in ((slice(0, 3), c.force_max_n), (slice(3, 6), c.moment_max_nm)):
             both[half] *= min(1.0, cap / max(np.linalg.norm(both[half]), 1e-300))

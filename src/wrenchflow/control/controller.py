@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from wrenchflow.control import impedance as law
 from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.gate import state_is_sound
 from wrenchflow.control.joint_speed import set_speed_limits
 from wrenchflow.control.packet import ACCEPTED, REASONS
 from wrenchflow.control.records import CTL, OBS, REQ
@@ -78,7 +79,6 @@ class Controller:
         state["damping_ratio_target"] = impedance.damping_ratio
         law.clamp_both(state)
         state["takes_bias"], state["bias_ticks"], state["bias"] = 1, 0, 0.0
-        state["wrench_state"], state["impact_state"] = 0.0, 0.0
         state["rejected"], state["counts"] = 0, 0
         for name in ("damped", "fed", "posed", "saturated", "exerted", "filled"):
             state[name] = 0.0
@@ -93,8 +93,8 @@ class Controller:
         state, obs = self.ctl[0], self.obs[0]
         if state["mode"] != LATCHED:
             raise ControlError(f"only what is latched can be reset; the mode is '{self.mode}'.")
-        if not np.isfinite(obs["q"]).all() or not np.isfinite(obs["x"]).all():
-            raise ControlError("the robot's state is not finite, so control cannot begin again.")
+        if not state_is_sound(obs):
+            raise ControlError("the robot's state is not finite, or where no arm can be: control cannot begin again.")
         state["takes_bias"] = 0
         law.start(obs, self.schedule[0], state)
 
@@ -154,7 +154,9 @@ class Controller:
         """
         if ticks < 1:
             raise ControlError(f"a segment lasts at least 1 tick, got {ticks}.")
-        req, state = self.req[0], self.ctl[0]
+        if not every_s > 0.0:
+            raise ControlError(f"every_s is {every_s:g}, expected above 0; infinity for what does not expire.")
+        req = self.req[0]
         R_start = rotation_of(start[3:])
         req["x_start"], req["x_stop"], req["R_start"] = start[:3], stop[:3], R_start
         req["turn"] = log_so3(rotation_of(stop[3:]) @ R_start.T)
@@ -164,8 +166,8 @@ class Controller:
         req["damping_ratio"] = impedance.damping_ratio
         req["wrench"] = 0.0 if wrench is None else wrench
         req["x_offset"] = 0.0 if disturbance_m is None else disturbance_m
-        state["segment_tick"], state["follows_plan"], state["is_fresh"] = 0, 0, 1
-        state["patience_ticks"] = patience_ticks(every_s)
+        req["patience_ticks"] = patience_ticks(every_s)
+        self.ctl[0]["is_asked"] = 1
 
     def accept(self, packet: np.ndarray, now_ns: int) -> str:
         """Take in a plan, to be followed from the next tick on if it is sound.
@@ -180,7 +182,7 @@ class Controller:
         state = self.ctl[0]
         reason = accept(packet[0], self.schedule[0], state, now_ns)
         if reason == ACCEPTED:
-            state["is_fresh"] = 1
+            state["is_fresh"], state["is_asked"] = 1, 0
             state["patience_ticks"] = patience_ticks(int(self.schedule["period_ns"][0]) * 1e-9)
         else:
             state["pending"] |= 1 << GATE_REQUEST
@@ -252,7 +254,8 @@ def _set_triggers(state: np.void, rig: Rig, config: ControlConfig) -> None:
     # A reading that comes at a lower rate is the same for longer; one without noise is the same for ever.
     slow = max(1.0, 1.0 / (rig.sensor.rate_hz * TICK_S))
     has_noise = rig.sensor.noise_force_n > 0.0 and rig.sensor.noise_torque_nm > 0.0
-    state["frozen_ticks_max"] = round(_ticks(config.frozen_s) * slow) if has_noise else 0
+    state["dead_ticks_max"] = round(_ticks(config.frozen_s) * slow)
+    state["frozen_ticks_max"] = state["dead_ticks_max"] if has_noise else 0
 
 
 def _set_sensor(state: np.void, rig: Rig) -> None:

@@ -23,6 +23,8 @@ from wrenchflow.control.records import JOINTS
 from wrenchflow.control.safeguards import RUN, TANK_DEBT, TANK_STIFFNESS
 from wrenchflow.so3 import exp_into, log_into, multiply_into, multiply_transposed_into
 
+_ROUNDING_J = 1e-12
+
 
 @kernel
 def error_into(ctl, x, R):
@@ -52,7 +54,9 @@ def available(ctl):
 @kernel
 def set_spring(ctl, spring):
     """The spring's potential changes on purpose: the tank pays, or gets it back."""
-    ctl.tank = min(ctl.tank - (spring - ctl.spring), ctl.tank_max)
+    left = ctl.tank - (spring - ctl.spring)
+    # What is affordable to the last bit may round to a little less than nothing.
+    ctl.tank = 0.0 if -_ROUNDING_J < left < 0.0 else min(left, ctl.tank_max)
     ctl.spring = spring
 
 
@@ -67,7 +71,8 @@ def account(obs, ctl):
         fed += ctl.tau_fed[j] * dq
         posed += ctl.tau_posed[j] * dq
         total += ctl.tau[j] * dq
-        exerted += obs.tau_external[j] * dq
+        if math.isfinite(obs.tau_external[j]):  # No torque rests on it, so it need not be there.
+            exerted += obs.tau_external[j] * dq
         for k in range(JOINTS):
             kinetic += 0.5 * obs.dq[j] * obs.M[j, k] * obs.dq[k]
     saturated = total - spring - damping - fed - posed

@@ -19,14 +19,15 @@ _BIAS_TICKS = 1000  # The bias is the mean of about the last second.
 
 @kernel
 def feel(obs, ctl):
-    """Take in one reading: `ctl.wrench` and `ctl.impact`, or a tick more without one in `ctl.frozen_ticks`."""
+    """Take in one reading: `ctl.wrench` and `ctl.impact`, or a tick more without one in `ctl.dead_ticks`."""
     raw, last = obs.wrench, ctl.wrench_raw_last
     same = True
     for i in range(6):
         same = same and raw[i] == last[i]
     if not all_finite(raw):
-        ctl.frozen_ticks += 1
+        ctl.dead_ticks += 1
         return
+    ctl.dead_ticks = 0
     ctl.frozen_ticks = ctl.frozen_ticks + 1 if same else 0
     R, unloaded = ctl.matrices[0], ctl.sample
     multiply_into(obs.R, ctl.R_tcp_sensor, R)

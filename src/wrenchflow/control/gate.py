@@ -6,6 +6,7 @@ from wrenchflow.compiled import kernel
 
 FURTHEST_M = 10.0  # No arm reaches further.
 MOST_RAD = 7.0  # No segment turns further: a whole turn and a bit.
+FURTHEST_RAD = 100.0  # Nor has a joint that turns further.
 MOST_N = 1e4  # No feed-forward is meant to be more, in [N] or [N.m]; the caps are far below.
 
 
@@ -55,12 +56,12 @@ def all_within(values, bound):
 
 
 @kernel
-def state_is_finite(obs):
-    """Whether everything that the law reads of the robot's state is finite."""
+def state_is_sound(obs):
+    """Whether everything that the law reads of the robot's state is finite, and where an arm can be."""
     return (
-        all_finite(obs.q)
+        all_within(obs.q, FURTHEST_RAD)
         and all_finite(obs.dq)
-        and all_finite(obs.x)
+        and all_within(obs.x, FURTHEST_M)
         and all_finite(obs.R)
         and all_finite(obs.J)
         and all_finite(obs.M)

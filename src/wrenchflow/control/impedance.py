@@ -11,7 +11,7 @@ from wrenchflow.compiled import kernel
 from wrenchflow.control.damping import design_damping
 from wrenchflow.control.energy import account, available, error_into, raise_gain
 from wrenchflow.control.felt import feel, length
-from wrenchflow.control.gate import all_finite, fill, is_on, note, request_is_sound, state_is_finite
+from wrenchflow.control.gate import all_finite, fill, is_on, note, request_is_sound, state_is_sound
 from wrenchflow.control.modes import OVER_BUDGET, decide_mode, enter
 from wrenchflow.control.records import JOINTS
 from wrenchflow.control.reference import govern_reference, speed_max
@@ -36,6 +36,8 @@ from wrenchflow.control.stiffness import TICK_S, clamp_stiffness, govern_stiffne
 from wrenchflow.control.torque import cap_norm, limit_torque
 from wrenchflow.so3 import exp_into, multiply_into
 
+_FADE_FROM = 0.5  # Of the speed at which the arm is braked: from it on feed-forward fades out.
+
 
 @kernel
 def start(obs, schedule, ctl):
@@ -46,12 +48,17 @@ def start(obs, schedule, ctl):
     clear(schedule)
     ctl.tick = ctl.mode_tick = ctl.segment_tick = ctl.silent_ticks = 0
     ctl.mode, ctl.cause, ctl.is_waiting = HOLD, NO_CAUSE, 1
-    ctl.is_fresh = ctl.is_stop_asked = ctl.follows_plan = ctl.pending = ctl.acting = 0
+    ctl.is_asked = ctl.is_fresh = ctl.is_stop_asked = ctl.follows_plan = ctl.pending = ctl.acting = 0
     ctl.gain = ctl.spring = 0.0
     ctl.tank = ctl.tank_start
     ctl.budget = ctl.tank_start
     fill(ctl.over_ticks, 0)
-    ctl.frozen_ticks = 0
+    ctl.frozen_ticks = ctl.dead_ticks = 0
+    # A reading that no sensor gives would ring on in the low-passes.
+    fill(ctl.wrench_state, 0.0)
+    fill(ctl.impact_state, 0.0)
+    fill(ctl.wrench, 0.0)
+    fill(ctl.impact, 0.0)
     for i in range(3):
         ctl.x_d[i] = ctl.x_target[i] = obs.x[i]
         ctl.x_offset[i] = 0.0
@@ -76,7 +83,7 @@ def tick(obs, req, schedule, ctl):
     """
     ctl.acting, ctl.pending = ctl.pending, 0
     fill(ctl.tau_wanted, 0.0)
-    is_finite = state_is_finite(obs)
+    is_finite = state_is_sound(obs)
     if not is_finite and is_on(ctl, GATE_STATE) and ctl.mode != LATCHED:
         enter(ctl, LATCHED, GATE_STATE)
     if is_finite:
@@ -123,15 +130,18 @@ def _count(ctl):
 
 @kernel
 def _read_request(req, ctl):
-    """A segment that is not sound is counted and not followed: the last target stays, and nobody has asked."""
-    ctl.is_refused = 0
-    if ctl.follows_plan or (ctl.is_waiting and not ctl.is_fresh):
+    """A segment that is not sound is counted and not followed: what was asked before stays, with its patience."""
+    is_asked = ctl.is_asked
+    ctl.is_asked = ctl.is_refused = 0
+    if not is_asked and (ctl.follows_plan or ctl.is_waiting):
         return
     if is_on(ctl, GATE_REQUEST) and not request_is_sound(req):
         note(ctl, GATE_REQUEST)
         ctl.is_refused = 1
         ctl.rejected += 1
-        ctl.is_fresh = 0
+    elif is_asked:
+        ctl.is_fresh, ctl.follows_plan, ctl.segment_tick = 1, 0, 0
+        ctl.patience_ticks = req.patience_ticks
 
 
 @kernel
@@ -183,7 +193,7 @@ def _law(obs, ctl):
             s += obs.J[a, j] * obs.dq[j]
         V[a] = s
     _add_posture(obs, ctl)
-    _feed_forward(ctl)
+    _feed_forward(obs, ctl)
     for i in range(3):
         linear, angular = 0.0, 0.0
         for j in range(3):
@@ -245,8 +255,8 @@ def _add_posture(obs, ctl):
 
 
 @kernel
-def _feed_forward(ctl):
-    """Feed-forward wrench as far as the caps and the tank allow, into `wrench_command`."""
+def _feed_forward(obs, ctl):
+    """Feed-forward wrench as far as the caps, the arm's speed and the tank allow, into `wrench_command`."""
     F, power, asked = ctl.wrench_command, 0.0, False
     for a in range(6):
         F[a] = ctl.wrench_target[a]
@@ -263,6 +273,14 @@ def _feed_forward(ctl):
     for a in range(6):
         power += F[a] * ctl.V[a]
     share = _payable(ctl, power * TICK_S)
+    if power > 0.0 and is_on(ctl, ARM_SPEED):
+        # It fades out towards the speed at which the arm is braked: both would only pull at each other.
+        fastest = ctl.arm_speed_share * speed_max(ctl, obs.x)
+        over = length(ctl.V, 0) * TICK_S / fastest
+        over = max(over, length(ctl.V, 3) * TICK_S / (fastest / ctl.x_step_max * ctl.turn_step_max))
+        if over > _FADE_FROM:
+            note(ctl, ARM_SPEED)
+            share *= max(0.0, (1.0 - over) / (1.0 - _FADE_FROM))
     for a in range(6):
         F[a] *= share
 
@@ -302,8 +320,9 @@ def _damp(obs, ctl):
             s -= ctl.D[a, b] * V[b]
         F[a] = s
     if is_on(ctl, ARM_SPEED):
-        _brake_excess(ctl, 0, ctl.arm_speed_share * speed_max(ctl, obs.x) / TICK_S)
-        _brake_excess(ctl, 3, ctl.arm_speed_share * ctl.turn_step_max / TICK_S)
+        step = ctl.arm_speed_share * speed_max(ctl, obs.x)
+        _brake_excess(ctl, 0, step / TICK_S)
+        _brake_excess(ctl, 3, step / ctl.x_step_max * ctl.turn_step_max / TICK_S)
     fill(ctl.tau_damping, 0.0)
     _add_torque(obs, F, ctl.tau_damping)
     brake = ctl.brake * (1.0 - ctl.gain) if ctl.mode == SOFT_STOP else 0.0
@@ -317,7 +336,19 @@ def _damp(obs, ctl):
         ctl.over_ticks[OVER_BUDGET] = 0
     if brake > 0.0:
         for j in range(JOINTS):
-            ctl.tau_damping[j] -= brake * obs.dq[j]
+            ctl.tau_damping[j] -= brake * _seen_speed(obs, ctl, j)
+
+
+@kernel
+def _seen_speed(obs, ctl, j):
+    """How fast a joint surely turns: as it says, and as it has moved since the last tick; 0 where these disagree.
+
+    A joint that says that it turns and does not would be driven by its own brake.
+    """
+    said, moved = obs.dq[j], (obs.q[j] - ctl.q_last[j]) / TICK_S
+    if said * moved <= 0.0:
+        return 0.0
+    return said if abs(said) < abs(moved) else moved
 
 
 @kernel
@@ -339,7 +370,7 @@ def _brake(obs, ctl, is_finite):
     ctl.gain = ctl.spring = 0.0
     fill(ctl.wrench_command, 0.0)
     for j in range(JOINTS):
-        ctl.tau_damping[j] = -ctl.brake * obs.dq[j] if is_finite else 0.0
+        ctl.tau_damping[j] = -ctl.brake * _seen_speed(obs, ctl, j) if is_finite else 0.0
         ctl.tau_spring[j] = ctl.tau_fed[j] = ctl.tau_posed[j] = 0.0
         ctl.tau_wanted[j] = ctl.tau_damping[j]
 

@@ -175,7 +175,8 @@ def _reason_to_stop(obs, ctl):
         late = _counted(ctl, OVERRUNS, step_ns > ctl.overrun_ns)
         if (step_ns > ctl.overrun_max_ns or late >= ctl.overruns_max) and is_on(ctl, OVERRUN):
             return OVERRUN
-    if ctl.frozen_ticks_max > 0 and ctl.frozen_ticks > ctl.frozen_ticks_max and is_on(ctl, SENSOR):
+    is_frozen = ctl.frozen_ticks_max > 0 and ctl.frozen_ticks > ctl.frozen_ticks_max
+    if (is_frozen or ctl.dead_ticks > ctl.dead_ticks_max) and is_on(ctl, SENSOR):
         return SENSOR
     if length(ctl.impact, 0) > ctl.impact_force and is_on(ctl, IMPACT):
         return IMPACT

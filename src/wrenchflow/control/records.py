@@ -40,6 +40,7 @@ REQ = record_dtype(
         ("R_start", "f8", (3, 3)),
         ("turn", "f8", 3),  # rotation vector from the start to the end of the segment, base axes [rad]
         ("ticks", "i8"),
+        ("patience_ticks", "i8"),  # silence after which the arm holds; 0 for a request that does not expire
         ("K_lin", "f8", (3, 3)),  # [N/m]
         ("K_rot", "f8", (3, 3)),  # [N.m/rad]
         ("damping_ratio", "f8"),
@@ -62,7 +63,8 @@ CTL = record_dtype(
         ("without", "i8"),  # safeguards that are left out, a bit each; 0 but in simulation
         ("pending", "i8"),  # safeguards that intervened since the last tick, between two
         ("is_waiting", "i8"),  # held since the start, for nothing has been asked yet
-        ("is_fresh", "i8"),  # something was asked since the last tick
+        ("is_asked", "i8"),  # a segment was asked for since the last tick
+        ("is_fresh", "i8"),  # something sound was
         ("silent_ticks", "i8"),  # since something was asked
         ("patience_ticks", "i8"),  # silence after which the arm holds; 0 for a request that does not expire
         ("is_refused", "i8"),  # the segment is not sound
@@ -111,6 +113,7 @@ CTL = record_dtype(
         ("takes_bias", "i8"),  # while waiting
         ("wrench_raw_last", "f8", 6),
         ("frozen_ticks", "i8"),
+        ("dead_ticks", "i8"),
         ("over_ticks", "i8", 5),  # force, moment, energy, overrun, stale: for how many ticks in a row
         ("R_tcp_sensor", "f8", (3, 3)),
         ("x_tcp_sensor", "f8", 3),
@@ -186,6 +189,7 @@ CTL = record_dtype(
         ("overrun_max_ns", "i8"),  # and longer than this a stop
         ("overruns_max", "i8"),
         ("stale_ticks_max", "i8"),
+        ("dead_ticks_max", "i8"),
         ("frozen_ticks_max", "i8"),  # 0 for a sensor without noise, which cannot be told from a frozen one
         # What a tick works with, kept here so that the loop allocates nothing.
         ("e", "f8", 6),  # error of the pose, world-aligned [m, rad]

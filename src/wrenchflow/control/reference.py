@@ -37,15 +37,18 @@ def govern_reference(obs, ctl, moves):
 
 @kernel
 def speed_max(ctl, x):
-    """The speed that the reference may have when the tool is at `x`, as a step a tick [m].
+    """The speed that the reference may have when the tool is at `x`, as a step a tick [m]."""
+    return min(ctl.x_step_max, _zone_speed_max(ctl, x))
 
-    In the zone where contact is expected it is small, and it grows with the distance from there.
-    """
+
+@kernel
+def _zone_speed_max(ctl, x):
+    """The same for the sake of the zone where contact is expected: small in it, more with the distance from there."""
     square = 0.0
     for i in range(3):
         beside = max(max(ctl.zone_min[i] - x[i], x[i] - ctl.zone_max[i]), 0.0)
         square += beside * beside
-    return min(ctl.x_step_max, ctl.zone_step_max + ctl.zone_slowing * math.sqrt(square))
+    return ctl.zone_step_max + ctl.zone_slowing * math.sqrt(square)
 
 
 @kernel
@@ -119,7 +122,7 @@ def _step_position(obs, ctl):
         note(ctl, SPEED)
         step_max = ctl.x_step_max
     if is_on(ctl, CONTACT_ZONE):
-        allowed = min(speed_max(ctl, obs.x), speed_max(ctl, ctl.x_d))
+        allowed = min(_zone_speed_max(ctl, obs.x), _zone_speed_max(ctl, ctl.x_d))
         if step_max > allowed:
             note(ctl, CONTACT_ZONE)
             step_max = allowed
@@ -139,6 +142,11 @@ def _step_rotation(obs, ctl):
         note(ctl, LEASH_ROTATION)
     if is_on(ctl, TURN) and pull_within(wanted, ctl.R_d, ctl.turn_step_max, ctl.matrices, ctl.vector):
         note(ctl, TURN)
+    if is_on(ctl, CONTACT_ZONE):
+        # A tool that turns about its tip hits too: where it must go slowly, it turns slowly by the same share.
+        slowest = min(_zone_speed_max(ctl, obs.x), _zone_speed_max(ctl, ctl.x_d)) / ctl.x_step_max
+        if pull_within(wanted, ctl.R_d, slowest * ctl.turn_step_max, ctl.matrices, ctl.vector):
+            note(ctl, CONTACT_ZONE)
     _orthonormal_into(wanted, ctl.R_d)
 
 

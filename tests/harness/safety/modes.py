@@ -17,9 +17,9 @@ def check_silence(trace: Trace) -> list[Finding]:
     """
     before, after = trace.before, trace.after
     ticks = np.arange(len(trace))
-    sound = (before["is_fresh"] != 0) & (after["acting"] & 1 << GATE_REQUEST == 0)
+    sound = ((before["is_fresh"] | before["is_asked"]) != 0) & (after["acting"] & 1 << GATE_REQUEST == 0)
     asked = np.maximum.accumulate(np.where(sound, ticks, -1))
-    patience = before["patience_ticks"][np.maximum(asked, 0)]
+    patience = after["patience_ticks"][np.maximum(asked, 0)]
     expires = (asked >= 0) & (patience > 0) & (after["mode"] == RUN)
     over = (ticks - asked - patience).astype(float)
     return [worst_of("I5 runs on in silence [ticks over]", over, 0.0, expires), *check_rest(trace)]
