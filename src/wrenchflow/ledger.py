@@ -19,10 +19,10 @@ EVENT_KIND = "safety"
 ENERGIES = ("tank", "spring", "budget", "kinetic")
 WORK = ("damped", "fed", "posed", "saturated", "exerted", "filled")
 
-_RUN = 0
+_RUN, _WAITING = 0, "waiting"
 _REFUSES = "gate-request"
 _LEASHES = ("leash", "leash-rotation")
-# What a safeguard does again within this time is one intervention to a person.
+# What a safeguard does again within this time is one intervention to who reads of it.
 _MERGED_NS = 100_000_000
 
 
@@ -65,6 +65,11 @@ class Ledger:
         return {"modes": list(self.modes), "safeguards": list(self.safeguards)}
 
     @property
+    def ordinary(self) -> tuple[str, str]:
+        """Labels of what needs no telling: that it runs, and that nothing was asked yet."""
+        return self.modes[_RUN], _WAITING
+
+    @property
     def mode_stretches(self) -> tuple[Stretch, ...]:
         """The modes one after the other, as `run`, `hold: silence`, or `waiting` before anything was asked."""
         mode, cause = (self.governor.column(name).astype(np.int64) for name in ("mode", "cause"))
@@ -80,10 +85,9 @@ class Ledger:
         bits = self.governor.column("acting").astype(np.int64)
         return (bits >> self.safeguards.index(safeguard) & 1).astype(bool)
 
-    @property
-    def interventions(self) -> dict[str, tuple[Stretch, ...]]:
-        """When each safeguard that did anything intervened; what is less than 100 ms apart is one stretch."""
-        return {name: found for name in self.safeguards if (found := self._merged(name, self.acted(name)))}
+    def interventions(self, gap_ns: int = _MERGED_NS) -> dict[str, tuple[Stretch, ...]]:
+        """When each safeguard that did anything intervened; what is less than `gap_ns` [ns] apart is one stretch."""
+        return {name: found for name in self.safeguards if (found := self._merged(name, self.acted(name), gap_ns))}
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -91,8 +95,8 @@ class Ledger:
 
         Safeguards that limit act in thousands of ticks; they are counted in `summary`.
         """
-        told = [stretch for stretch in self.mode_stretches if stretch.label not in (self.modes[_RUN], "waiting")]
-        told += [self._refused(stretch) for stretch in self.interventions.get(_REFUSES, ())]
+        told = [stretch for stretch in self.mode_stretches if stretch.label not in self.ordinary]
+        told += [self._refused(stretch) for stretch in self.interventions().get(_REFUSES, ())]
         return tuple(sorted(Event(of.start_ns, of.stop_ns, EVENT_KIND, of.label) for of in told))
 
     def _refused(self, stretch: Stretch) -> Stretch:
@@ -115,10 +119,10 @@ class Ledger:
         ticks = Counter[str]()
         for stretch in stretches:
             ticks[stretch.label.partition(":")[0]] += stretch.ticks
-        entered = Counter(stretch.label for stretch in stretches if stretch.label not in (self.modes[_RUN], "waiting"))
+        entered = Counter(stretch.label for stretch in stretches if stretch.label not in self.ordinary)
         interventions = {name: int(self.acted(name).sum()) for name in self.safeguards}
         is_leashed = np.any([self.acted(name) for name in _LEASHES if name in self.safeguards], axis=0)
-        asked = len(self.governor) - ticks["waiting"]
+        asked = len(self.governor) - ticks[_WAITING]
         return {
             "ticks": dict(ticks),
             "entered": dict(entered),
@@ -140,13 +144,13 @@ class Ledger:
     def _mode_label(self, mode: int, cause: int) -> str:
         if mode == _RUN:
             return self.modes[_RUN]
-        return f"{self.modes[mode]}: {self.safeguards[cause]}" if cause >= 0 else "waiting"
+        return f"{self.modes[mode]}: {self.safeguards[cause]}" if cause >= 0 else _WAITING
 
-    def _merged(self, label: str, acted: Bool[np.ndarray, " n"]) -> tuple[Stretch, ...]:
+    def _merged(self, label: str, acted: Bool[np.ndarray, " n"], gap_ns: int) -> tuple[Stretch, ...]:
         at = np.flatnonzero(acted)
         if not len(at):
             return ()
-        edges = np.flatnonzero(np.diff(self.governor.t[at]) > _MERGED_NS) + 1
+        edges = np.flatnonzero(np.diff(self.governor.t[at]) > gap_ns) + 1
         return tuple(self._stretch(int(part[0]), int(part[-1]) + 1, len(part), label) for part in np.split(at, edges))
 
     def _stretch(self, first: int, stop: int, ticks: int, label: str) -> Stretch:

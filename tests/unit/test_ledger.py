@@ -82,8 +82,8 @@ def test_safeguards_that_act_all_the_time_are_counted_and_no_events():
 def test_interventions_are_told_by_safeguard_with_their_ticks():
     acting = [("torque",) if 10 <= k < 20 or k in (25, 200) else () for k in range(300)]
     of = ledger(["run"] * 300, acting=acting)
-    assert list(of.interventions) == ["torque"]
-    first, second = of.interventions["torque"]
+    assert list(of.interventions()) == ["torque"]
+    first, second = of.interventions()["torque"]
     assert (first.start_ns, first.stop_ns, first.ticks) == (at(10), at(26), 11)
     assert (second.start_ns, second.stop_ns, second.ticks) == (at(200), at(201), 1)
 
@@ -117,7 +117,7 @@ def test_every_tick_has_one_mode_and_every_intervention_is_counted_once(ticks):
     assert sum(said["ticks"].values()) == len(ticks)
     assert sum(said["interventions"].values()) == sum(len(acting) for _, _, acting in ticks)
     for name, count in said["interventions"].items():
-        assert sum(stretch.ticks for stretch in of.interventions[name]) == count
+        assert sum(stretch.ticks for stretch in of.interventions()[name]) == count
     stretches = of.mode_stretches
     assert all(a.stop_ns == b.start_ns and a.label != b.label for a, b in itertools.pairwise(stretches))
     assert (stretches[0].start_ns, stretches[-1].stop_ns) == (at(0), at(len(ticks) - 1))

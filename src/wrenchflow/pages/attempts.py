@@ -4,18 +4,21 @@ from collections.abc import Sequence
 from html import escape
 
 from wrenchflow.episode import Episode
-from wrenchflow.pages.episode_plot import POINTS, episode_figure
+from wrenchflow.pages.episode_plot import episode_figure
 from wrenchflow.pages.page import link, section
 from wrenchflow.pages.plot_block import plot_block
+from wrenchflow.pages.time_plot import POINTS
 
 # Points that the lines of one page may have together, a share for each of its episodes, and the fewest that still show
-# a shape. An episode of 18 lines then takes about 0.2 MB for a thousand points a line.
+# a shape. An episode of 25 lines then takes about 0.26 MB for a thousand points a line.
 _POINTS_A_PAGE, _FEWEST_POINTS = 14_000, 200
 
 WHAT_IS_DRAWN = (
     "A causal filter uses only what was measured until then, as a running robot must, so it lags a little (the thick "
     "line, and what the policy gets); a zero-phase filter runs forward and backward over the whole recording, so its "
-    "peaks stand where they happened (the thin line, for labels and plots only)."
+    "peaks stand where they happened (the thin line, for labels and plots only). Below are the safety layer's ledger "
+    "(energy in its tank, in the spring and of the moving arm, and work since the start by kind), its modes, and a lane "
+    "for each safeguard that intervened."
 )
 _HOW_TO_READ = (
     "Drag to zoom, double-click to go back. For drawing, lines are thinned to the smallest and the largest sample of "

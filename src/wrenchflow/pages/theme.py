@@ -4,6 +4,8 @@ from typing import Any
 
 # Vermillion, green and blue of Okabe and Ito: x, y and z as robotics draws them, and apart for the colour-blind too.
 AXIS_COLOURS = ("#d55e00", "#009e73", "#3b8fd9")
+# The others of theirs, for lines that are no axes.
+COLOURS = (AXIS_COLOURS[2], AXIS_COLOURS[0], AXIS_COLOURS[1], "#cc79a7", "#c99700", "#8a63d2", "#56b4e9", "#7a828c")
 ACCENT = "#3b8fd9"
 GOOD = "#1a9b5f"
 BAD = "#d4462f"
@@ -12,6 +14,8 @@ CONTACT_SHADE = "rgba(230,159,0,0.13)"
 ANOMALY_SHADE = "rgba(212,70,47,0.16)"
 PHASE = ("rgba(128,138,150,0.22)", "rgba(128,138,150,0.40)")
 PHASE_SHADE = "rgba(128,138,150,0.09)"
+# Modes of the safety layer, from the mildest to the last.
+_MODES = {"hold": (230, 159, 0), "retreat": (213, 94, 0), "soft-stop": (204, 121, 167), "latched": (212, 70, 47)}
 # Grey that can be read on white and on black: what a plot shows before the style sheet has its say.
 _NEUTRAL = "#7a828c"
 _FONT = "system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif"
@@ -60,6 +64,12 @@ footer {{ border-top: 1px solid var(--line); color: var(--soft); font-size: .88r
 .plot .hoverlayer .legend .bg {{ fill: var(--card) !important; stroke: var(--line) !important;
   fill-opacity: .94 !important; }}
 """
+
+
+def mode_colour(label: str, opacity: float) -> str:
+    """Colour of a mode, by its label such as `hold: silence`; grey for one that is not known here."""
+    red, green, blue = _MODES.get(label.partition(":")[0], (128, 138, 150))
+    return f"rgba({red},{green},{blue},{opacity:g})"
 
 
 def plot_layout(plot_px: int, *, top_px: int = 24, **others: Any) -> dict[str, Any]:
