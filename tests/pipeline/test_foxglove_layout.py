@@ -15,6 +15,7 @@ from wrenchflow.episode import Episode
 from wrenchflow.recording.images import image_messages, jpeg
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.write import write_episode
+from wrenchflow.signals import GOVERNOR
 
 LAYOUT = json.loads((Path(__file__).parents[2] / "docs" / "foxglove-layout.json").read_text())
 CONFIGS = {
@@ -58,6 +59,21 @@ def test_every_path_leads_to_a_value(first_messages, path):
     for name in re.findall(r"\w+", path.removeprefix(topic)):
         value = value[int(name)] if name.isdigit() else getattr(value, name)
     assert isinstance(value, float | str)
+
+
+def test_columns_of_the_safety_layer_are_those_that_the_legend_names(first_messages):
+    paths = [path for config in LAYOUT["configById"].values() for path in config.get("paths", [])]
+    named = {path["label"]: path["value"] for path in paths if path["value"].startswith("/governor.")}
+    assert named.keys() >= {"mode", "tank", "spring", "budget"}
+    for label, value in named.items():
+        assert value == f"/governor.data[{GOVERNOR.columns.index(label)}]"
+
+
+def test_a_message_without_a_stamp_is_plotted_at_the_time_that_it_was_had(first_messages):
+    for config in LAYOUT["configById"].values():
+        for path in config.get("paths", []):
+            message = first_messages[max((t for t in first_messages if path["value"].startswith(t + ".")), key=len)]
+            assert path["timestampMethod"] == ("headerStamp" if hasattr(message, "header") else "receiveTime")
 
 
 def test_every_topic_is_recorded_in_the_frame_that_is_shown(first_messages):

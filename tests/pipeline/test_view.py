@@ -97,6 +97,30 @@ def test_events_are_states_with_an_end(shown, episode):
     assert shown["/events/success", "StateChange:state"][1] == [["success"]]
 
 
+def test_energy_work_and_mode_of_the_safety_layer_are_plots_of_their_own(shown, episode):
+    governor = episode["governor"]
+    for quantity, columns in (
+        ("energy", ["tank", "spring", "budget", "kinetic"]),
+        ("work", ["damped", "fed", "posed", "saturated", "exerted", "filled"]),
+        ("mode", ["mode"]),
+    ):
+        assert shown[f"/governor/{quantity}", "SeriesLines:names"][1] == [columns]
+        rows = shown[f"/governor/{quantity}", "Scalars:scalars"][1]
+        np.testing.assert_array_equal(rows, np.stack([governor.column(name) for name in columns], axis=1))
+
+
+def test_what_the_safety_layer_did_is_a_lane_whose_colours_tell_hold_from_latched(rerun_columns, tmp_path, wrenchflow):
+    t = 1_700_000_000_000_000_000 + np.arange(50, dtype=np.int64) * 10_000_000
+    labels = ("hold: silence", "latched: impact", "hold: plan-end")
+    events = tuple(Event(int(t[10 * k]), int(t[10 * k + 10]), "safety", label) for k, label in enumerate(labels))
+    write_episode(tmp_path / "e.mcap", Episode("e", "", {"force": Stream(t, np.zeros((50, 3)), FORCE)}, events))
+    assert wrenchflow("view", tmp_path / "e.mcap", "--save", tmp_path / "e.rrd").code == 0
+    shown = rerun_columns(tmp_path / "e.rrd", "time")
+    assert [state[0] for state in shown["/events/safety", "StateChange:state"][1]] == [*labels, None]
+    (colours,) = shown["/events/safety", "StateConfiguration:colors"][1]
+    assert colours[0] == colours[2] != colours[1]
+
+
 def test_images_are_the_recorded_bytes(shown, episode):
     for name in ("camera/wrist", "camera/scene"):
         t, blobs = shown[f"/{name}", "EncodedImage:blob"]

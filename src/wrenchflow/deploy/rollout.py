@@ -121,6 +121,7 @@ def roll_out(
     rig: Rig,
     config: DeployConfig,
     boxes: Sequence[BlackBox] = (),
+    without: Sequence[str] = (),
 ) -> list[Episode]:
     """Run some attempts side by side, with one inference for all of them at each step.
 
@@ -132,11 +133,13 @@ def roll_out(
         rig: The robot cell.
         config: Seed, gains, and the way of the plans.
         boxes: One for each, where its rows are stored, so that something is left if it does not end well.
+        without: Safeguards that are left out, to see what each is worth.
     """
     rollouts: list[Rollout] = []
     for index, box in zip(indices, boxes or [None] * len(indices), strict=True):
         keep = box.rows if box else None
-        attempt = Attempt(task, model, rig, config, seed=(config.seed, index, EVALUATE), keep=keep)
+        seed = (config.seed, index, EVALUATE)
+        attempt = Attempt(task, model, rig, config, seed=seed, keep=keep, without=without)
         rollout = Rollout(attempt, policy, config.link)
         rollouts.append(rollout)
         if box is not None:

@@ -12,7 +12,11 @@ from wrenchflow.view.style import ARROW_M_PER_N
 _COMPARED = {
     "wrench": ("wrench", "wrench_zero_phase"),
     "tcp and its target": ("tcp_pose", "target_pose"),
+    "safety layer": ("governor",),
+    "given and asked": ("impedance", "request"),
 }
+# Numbers of safeguards, which are no lines: they are there for who looks for them.
+_UNPLOTTED = ("cause", "acting")
 _RECENT_S = 10.0
 _EYE_DIRECTION = np.array([0.7, -0.6, 0.4])
 
@@ -89,7 +93,9 @@ def _plots(contents: Contents, live: bool) -> list[tuple[bool, rrb.View]]:
     """All plots, and of each whether it shows force or torque of a wrench that is looked at first."""
     place = {stream: title for title, streams in _COMPARED.items() for stream in streams}
     groups: dict[tuple[str, str], list[Series]] = {}
-    for series in sorted(contents.series, key=lambda series: series.stream not in place):  # What is compared is first.
+    order = list(place)  # What is compared is first.
+    shown = [series for series in contents.series if series.quantity not in _UNPLOTTED]
+    for series in sorted(shown, key=lambda of: order.index(of.stream) if of.stream in place else len(order)):
         groups.setdefault((place.get(series.stream, series.stream), series.quantity), []).append(series)
     recent = rrb.VisibleTimeRange(
         TIMELINE,

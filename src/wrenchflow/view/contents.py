@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wrenchflow.episode import Episode
+from wrenchflow.ledger import ENERGIES, WORK
 from wrenchflow.recording.schemas import IMAGE_MESSAGE
 from wrenchflow.signals import Signal
 from wrenchflow.source import Source
@@ -31,8 +32,22 @@ _QUANTITIES = {
     "N.m/rad": "rotational_stiffness",
 }
 # Streams that are drawn beside another one, and what a legend calls them.
-_BESIDE = {"wrench_zero_phase": "zero-phase", "target_pose": "target", "command_pose": "command"}
-_DIMENSIONLESS = {"pose": "orientation", "impedance": "damping_ratio", "mask": "flags"}
+_BESIDE = {
+    "wrench_zero_phase": "zero-phase",
+    "target_pose": "target",
+    "command_pose": "command",
+    "request": "asked",
+}
+_DIMENSIONLESS = {"pose": "orientation", "impedance": "damping_ratio", "request": "damping_ratio", "mask": "flags"}
+# Columns that are no plot together with all of their unit, by kind of signal.
+_APART = {
+    "governor": {
+        **dict.fromkeys(ENERGIES, "energy"),
+        **dict.fromkeys(WORK, "work"),
+        **{name: name for name in ("mode", "cause", "acting")},
+    },
+    "request": {"gripper": "gripper"},
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +76,9 @@ class Series:
 def series_of(stream: str, signal: Signal) -> tuple[Series, ...]:
     """The plots of a stream: columns that measure the same quantity are drawn together."""
     groups: dict[str, list[int]] = {}
-    for column, unit in enumerate(signal.units):
-        quantity = _QUANTITIES.get(unit) or _DIMENSIONLESS.get(signal.kind, "values")
+    apart = _APART.get(signal.kind, {})
+    for column, (name, unit) in enumerate(zip(signal.columns, signal.units, strict=True)):
+        quantity = apart.get(name) or _QUANTITIES.get(unit) or _DIMENSIONLESS.get(signal.kind, "values")
         groups.setdefault(quantity, []).append(column)
     return tuple(
         Series(

@@ -25,6 +25,12 @@ _STATES: dict[str, _Colour] = {
     "success": (26, 155, 95),
     "failure": (212, 70, 47),
     "anomaly": (212, 70, 47),
+    # Of the safety layer, by the first word of the label, such as `hold: silence`.
+    "hold": (200, 140, 20),
+    "retreat": (213, 94, 0),
+    "soft-stop": (190, 100, 150),
+    "latched": (212, 70, 47),
+    "refused": (150, 158, 168),
 }
 
 
@@ -58,9 +64,10 @@ def path_of(positions_m: Float[np.ndarray, "n 3"]) -> rr.LineStrips3D:
 
 
 def states_of(kind: str, events: Sequence[Event]) -> rr.StateConfiguration:
-    """Colours of a lane's states: one a kind that has a meaning of its own, or else one a label."""
+    """Colours of a lane's states: one a kind or a label that has a meaning of its own, or else one a label."""
     values = list(dict.fromkeys(event.label or kind for event in events))
-    colours = [_STATES.get(kind, _PHASES[k % len(_PHASES)]) for k in range(len(values))]
+    meant = [_STATES.get(kind) or _STATES.get(value.partition(":")[0]) for value in values]
+    colours = [colour or _PHASES[k % len(_PHASES)] for k, colour in enumerate(meant)]
     return rr.StateConfiguration(values=values, labels=values, colors=colours)
 
 
