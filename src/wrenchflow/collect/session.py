@@ -1,6 +1,6 @@
 """Record demonstrations: an operator sees and feels, a device moves the target, the arm follows, and all is kept."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -72,7 +72,12 @@ def make_operator(name: str, config: CollectConfig) -> Operator:
 
 
 def demonstrate(
-    index: int, config: CollectConfig, *, scenes: int = DEMONSTRATE, box: BlackBox | None = None
+    index: int,
+    config: CollectConfig,
+    *,
+    scenes: int = DEMONSTRATE,
+    box: BlackBox | None = None,
+    without: Sequence[str] = (),
 ) -> Episode:
     """Record one attempt, in virtual time.
 
@@ -81,6 +86,7 @@ def demonstrate(
         config: Task, operator, device and gains.
         scenes: `DEMONSTRATE`, or `EVALUATE` for an operator that is compared with a policy on the policy's scenes.
         box: Where rows are stored, so that something is left if the attempt does not end well.
+        without: Safeguards that are left out, to see what each is worth.
     """
     task, rig, model = scenery(config.task, config.rig)
     operator = make_operator(config.operator, config)
@@ -95,6 +101,7 @@ def demonstrate(
         glance=album if views else None,
         glance_hz=config.camera.rate_hz,
         keep=box.rows if box else None,
+        without=without,
     )
     session = Session(attempt, operator, config)
     known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
