@@ -31,11 +31,11 @@ SHOWN = {
 
 
 def worst_by_name(outcomes: list[Outcome]) -> dict[str, tuple[Finding, Outcome]]:
-    """The worst finding of each name, and where it was found."""
+    """The worst finding of each name, and where it was found; one that is broken is worse than any that holds."""
     worst: dict[str, tuple[Finding, Outcome]] = {}
     for outcome in outcomes:
         for each in outcome.findings:
-            if each.name not in worst or not each.worst <= worst[each.name][0].worst:
+            if each.name not in worst or each.badness > worst[each.name][0].badness:
                 worst[each.name] = (each, outcome)
     return worst
 
@@ -76,6 +76,13 @@ def print_invariants(outcomes: list[Outcome]) -> bool:
     return holds
 
 
+def print_broken(outcomes: list[Outcome]) -> None:
+    """Every run in which something broke, so that it can be run again."""
+    for outcome in outcomes:
+        for each in outcome.broken:
+            print(f"{outcome.run}: {each}")
+
+
 def print_safeguards(outcomes: list[Outcome]) -> None:
     """How often each safeguard acted, over all runs; one that never did was not tried."""
     acted = dict(zip(SAFEGUARDS, sum(each.interventions for each in outcomes).tolist(), strict=True))
@@ -101,6 +108,7 @@ def main() -> int:
         outcomes = list(pool.map(run, runs))
     print_runs(outcomes)
     holds = print_invariants(outcomes)
+    print_broken(outcomes)
     print_safeguards(outcomes)
     print(
         f"\n{sum(each.ticks for each in outcomes)} ticks in {len(outcomes)} runs: {'all hold' if holds else 'BROKEN'}"

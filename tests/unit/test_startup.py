@@ -281,7 +281,7 @@ def test_an_arm_that_does_not_come_to_rest_is_told(peg_plant, rig):
     [
         ControlConfig(stiffness_max_n_m=150.0),
         ControlConfig(force_max_n=4.0, moment_max_nm=1.0),
-        ControlConfig(turn_max_rad_s=0.1, ramp_s=0.0),
+        ControlConfig(turn_max_rad_s=0.05, ramp_s=0.0),
     ],
     ids=["soft", "weak", "slow"],
 )

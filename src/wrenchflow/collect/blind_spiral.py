@@ -28,6 +28,7 @@ class BlindSpiral:
         friction: float = 0.2,
         speed_m_s: float = 0.012,
         pitch_m: float = 0.0014,
+        dwell_s: float = 0.4,
     ) -> None:
         """Prepare for one attempt.
 
@@ -39,12 +40,15 @@ class BlindSpiral:
             friction: Of the peg on the block.
             speed_m_s: Along the spiral.
             pitch_m: Distance of its turns.
+            dwell_s: How long it presses before it begins: near contact the reference is slow, and a peg that goes
+                round before it presses passes over the hole.
         """
         self._approach = approach or Approach()
         self._period_s, self._speed_m_s, self._pitch_m = period_s, speed_m_s, pitch_m
         self._press_m = press_n / impedance.translation_n_m
         self._drag_m = friction * press_n / impedance.translation_n_m
         self._angle_rad = 0.0
+        self._dwell_left_s = dwell_s
 
     def want(self, perception: Perception) -> tuple[Float[np.ndarray, " 7"], str]:
         """The wanted target pose, and the phase: approach, land, search or insert."""
@@ -53,6 +57,11 @@ class BlindSpiral:
             return insert(perception, 0.04 * self._approach.lag_s), "insert"
         if height_m > 0.0004 and self._angle_rad == 0.0:
             return self._approach.want(perception)
+        if self._dwell_left_s > 0.0:
+            self._dwell_left_s -= self._period_s
+            pressed = perception.goal_pose.copy()
+            pressed[2] -= self._press_m
+            return pressed, "search"
         growth_m = self._pitch_m / (2.0 * math.pi)
         radius_m = growth_m * self._angle_rad
         self._angle_rad += self._speed_m_s * self._period_s / math.hypot(radius_m, growth_m)

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from wrenchflow.control import impedance as law
 from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.fit import require_within
 from wrenchflow.control.gate import state_is_sound
 from wrenchflow.control.joint_speed import set_speed_limits
 from wrenchflow.control.packet import ACCEPTED, REASONS
@@ -48,7 +49,12 @@ class Controller:
             rig: The robot cell.
             config: Limits and gains.
             without: Names of safeguards that are left out, to see what each is worth; in simulation only.
+
+        Raises:
+            ConfigError: If the configuration is beyond what the hardware bears; see `control.fit`.
+            ControlError: If no safeguard has such a name.
         """
+        require_within(config, rig)
         self.obs = np.zeros(1, OBS)
         self.req = np.zeros(1, REQ)
         self.ctl = np.zeros(1, CTL)

@@ -20,13 +20,24 @@ from wrenchflow.rig import rig_of
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """How one attempt went; `failure` is empty for a success, `over-force` for one that pressed too hard."""
+    """How one attempt went.
+
+    Attributes:
+        id: Of the episode.
+        success: Done, without pressing too hard.
+        failure: Empty for a success, `over-force` for one that pressed too hard.
+        duration_s: How long it took [s].
+        peak_force_n: Largest low-passed force [N].
+        leash_share: Share of the ticks in which the safety layer's leash was active: where it is long, the layer and
+            not who acts limits the force.
+    """
 
     id: str
     success: bool
     failure: str
     duration_s: float
     peak_force_n: float
+    leash_share: float = 0.0
 
 
 def wilson_interval(successes: int, attempts: int, z: float = 1.96) -> tuple[float, float]:
@@ -65,6 +76,7 @@ def judge(episode: Episode, limits: DeployConfig) -> Verdict:
         failure=failure,
         duration_s=result["duration_s"],
         peak_force_n=peak_n,
+        leash_share=episode.meta.get("safety", {}).get("leash_share", 0.0),
     )
 
 
@@ -80,6 +92,7 @@ def summarise(verdicts: Sequence[Verdict]) -> dict[str, Any]:
         "success_interval": list(wilson_interval(successes, len(verdicts))),
         "peak_force_n": spread(peaks_n),
         "duration_s": spread(done_s),
+        "leash_share": spread([verdict.leash_share for verdict in verdicts]),
         "failures": dict(sorted(Counter(verdict.failure for verdict in verdicts if not verdict.success).items())),
     }
 

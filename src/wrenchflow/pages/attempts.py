@@ -16,9 +16,9 @@ _POINTS_A_PAGE, _FEWEST_POINTS = 14_000, 200
 WHAT_IS_DRAWN = (
     "A causal filter uses only what was measured until then, as a running robot must, so it lags a little (the thick "
     "line, and what the policy gets); a zero-phase filter runs forward and backward over the whole recording, so its "
-    "peaks stand where they happened (the thin line, for labels and plots only). Below is the safety layer's ledger: "
-    "energy in its tank, in the spring and of the moving arm, work since the start by kind, then its modes, and a lane "
-    "for each safeguard that intervened."
+    "peaks stand where they happened (the thin line, for labels and plots only). Below are the safety layer's ledger "
+    "(energy in its tank, in the spring and of the moving arm, and work since the start by kind), its modes, and a "
+    "lane for each safeguard that intervened."
 )
 _HOW_TO_READ = (
     "Drag to zoom, double-click to go back. For drawing, lines are thinned to the smallest and the largest sample of "

@@ -89,7 +89,8 @@ class Attempt:
         task.place(model, data, self.scene)
         capacity_s = config.tare_s + task.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
-        self.controller = Controller(rig, config.control, without=without)
+        self._without = tuple(without)
+        self.controller = Controller(rig, config.control, without=self._without)
         self.controller.set_contact_zone(*task.contact_zone(self.scene))
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
@@ -221,6 +222,7 @@ class Attempt:
             "rig": to_mapping(self.rig),
             "seed": list(self.seed),
             "impedance": to_mapping(self.impedance),
+            **({"without": list(self._without)} if self._without else {}),
             STREAM: {"modes": list(MODES), "safeguards": list(SAFEGUARDS)},
             # Truth that no stage may learn from: it is here so that the attempt can be run again.
             "simulator": {

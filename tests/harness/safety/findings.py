@@ -1,5 +1,6 @@
 """What a check found: the worst value of a run beside the limit that it was to keep."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,11 @@ class Finding:
     def holds(self) -> bool:
         """Whether the limit was kept; NaN keeps none."""
         return self.worst <= self.limit
+
+    @property
+    def badness(self) -> tuple[bool, float]:
+        """Larger is worse: what is broken is worse than what holds, and NaN is worse than any number."""
+        return not self.holds, self.worst if self.worst == self.worst else math.inf
 
     def __str__(self) -> str:
         verdict = "holds" if self.holds else "BROKEN"

@@ -73,8 +73,8 @@ def leash(without: tuple[str, ...]) -> list[Finding]:
 
 
 def speed(without: tuple[str, ...]) -> list[Finding]:
-    """A target that jumps by 10 cm where nothing is near."""
-    return _asked(without, "free", (0.1, 0.0, 0.0))
+    """A target that jumps, but no further than the leash, where nothing is near."""
+    return _asked(without, "free", (0.03, 0.0, 0.0))
 
 
 def contact_zone(without: tuple[str, ...]) -> list[Finding]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from safety.findings import Finding, worst_of
 from safety.trace import Trace
-from wrenchflow.control.safeguards import GATE_REQUEST, RUN
+from wrenchflow.control.safeguards import RUN
 
 SETTLED_TICKS = 3000
 SETTLED_SHARE = 0.01
@@ -17,7 +17,7 @@ def check_silence(trace: Trace) -> list[Finding]:
     """
     before, after = trace.before, trace.after
     ticks = np.arange(len(trace))
-    sound = ((before["is_fresh"] | before["is_asked"]) != 0) & (after["acting"] & 1 << GATE_REQUEST == 0)
+    sound = ((before["is_fresh"] | before["is_asked"]) != 0) & (after["is_refused"] == 0)
     asked = np.maximum.accumulate(np.where(sound, ticks, -1))
     patience = after["patience_ticks"][np.maximum(asked, 0)]
     expires = (asked >= 0) & (patience > 0) & (after["mode"] == RUN)

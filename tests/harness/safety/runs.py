@@ -107,7 +107,7 @@ def play_search(run: Run, ticks: int = 750) -> Outcome:
 def _worst(findings: list[Finding]) -> list[Finding]:
     worst: dict[str, Finding] = {}
     for each in findings:
-        if each.name not in worst or not each.worst <= worst[each.name].worst:
+        if each.name not in worst or each.badness > worst[each.name].badness:
             worst[each.name] = each
     return list(worst.values())
 

@@ -100,7 +100,7 @@ def search(
             chosen = rng.random(GENES) < 0.4
             genes = np.clip(worst.genes + spread * chosen * rng.normal(size=GENES), 0.0, 1.0)
         mine = next(each for each in attempt(genes, seed) if each.name == aim)
-        if worst is None or not mine.worst <= worst.finding.worst:
+        if worst is None or mine.badness > worst.finding.badness:
             worst = Worst(genes, seed, mine)
         elif k >= draws:
             spread = max(0.02, 0.9 * spread)
