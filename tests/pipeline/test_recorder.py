@@ -188,6 +188,17 @@ def test_where_a_ring_finds_no_room_the_others_are_given_back(tmp_path, monkeypa
         SharedMemory(made[0].name)
 
 
+def test_all_events_of_an_episode_may_be_told_at_once(tmp_path):
+    events = tuple(Event(START_NS + k, START_NS + k + 1, "safety", f"hold: {k}") for k in range(3000))
+    with record(tmp_path / "e.mcap") as recorder:
+        store(recorder, sent(5))
+        assert all(recorder.event(event) for event in events)
+        recorder.finish({"success": True}, {"ticks": {"run": 5}})
+    episode = read_episode(tmp_path / "e.mcap")
+    assert episode.events == events
+    assert episode.meta["safety"] == {"ticks": {"run": 5}}
+
+
 def test_an_exception_in_the_loop_is_written_down(tmp_path):
     def loop() -> None:
         with record(tmp_path / "e.mcap") as recorder:
