@@ -115,12 +115,12 @@ def normal_inertia(trace: Trace) -> np.ndarray:
     return inertia
 
 
-def check_contact(trace: Trace, config: ControlConfig) -> list[Finding]:
+def check_contact(trace: Trace, config: ControlConfig, impact_max: float = 1.0) -> list[Finding]:
     """I9 and the contact force: at rest the cap, quasi-static a tenth more, in an impact what inertia adds.
 
     The force is MuJoCo's, low-passed at 50 Hz. Quasi-static is a tick before which the tool has been slower than
     10 mm/s for 100 ms; what is not is an impact, and may be over by 150 1/s times the inertia along the force times
-    the speed that is allowed near contact.
+    the speed that is allowed near contact, or a multiple of that, `impact_max`.
     """
     force = trace.truth["contact"]
     smooth = np.asarray(sosfilt(butter(2, LOWPASS_HZ, fs=1.0 / TICK_S, output="sos"), force, axis=0))
@@ -137,5 +137,5 @@ def check_contact(trace: Trace, config: ControlConfig) -> list[Finding]:
     return [
         worst_of("I9 static force [N]", np.abs(smooth), config.force_max_n * 1.01, still),
         worst_of("contact quasi-static [N]", size, config.force_max_n * QUASI_STATIC_SHARE, quasi_static),
-        worst_of("contact impact [150/s m v]", impact, 1.0, ~quasi_static & alone & np.isfinite(inertia)),
+        worst_of("contact impact [150/s m v]", impact, impact_max, ~quasi_static & alone & np.isfinite(inertia)),
     ]
