@@ -14,6 +14,7 @@ import pytest
 from wrenchflow.collect import realtime
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.control.safeguards import MODES
 from wrenchflow.errors import OutputError
 from wrenchflow.ledger import Ledger
 from wrenchflow.recording.images import images_of
@@ -103,6 +104,39 @@ def test_what_the_safety_layer_did_is_there_after_the_control_process_is_killed(
     assert Ledger.of(episode) is not None  # Names of modes and safeguards were there from the start.
 
 
+@pytest.mark.parametrize(("number", "code"), [("SIGUSR1", 1), ("SIGTERM", 143), ("SIGINT", 130)])
+def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(tmp_path, number, code):
+    command = [sys.executable, "-m", "wrenchflow", "collect", "raw", "--episodes", "2", "--seed", "3"]
+    running = subprocess.Popen(
+        [*command, "--tare-s", "0.5", "--realtime"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell that runs tests in the background has them ignore Ctrl-C, and every command that they start with them.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    folder, stop_s = tmp_path / "raw.partial", time.monotonic() + 60.0
+    while not any(path.stat().st_size > 100_000 for path in folder.glob("*.mcap.partial")):
+        assert running.poll() is None
+        assert time.monotonic() < stop_s
+        time.sleep(0.01)
+    os.kill(running.pid, getattr(signal, number))
+    stdout, stderr = running.communicate(timeout=60.0)
+    assert (running.returncode, stdout) == (code, "")
+    said = {1: "emergency stop by SIGUSR1: the arm was braked.", 143: "terminated.", 130: "interrupted."}[code]
+    assert stderr == f"wrenchflow: {said} 1 of 2 episodes are in '{folder}'.\n"
+    (path,) = folder.glob("*.mcap")
+    assert validate(path).problems == ()
+    episode = read_episode(path)
+    assert episode.meta["result"]["failure"] == "stopped: emergency-stop"
+    governor, moved = episode["governor"], np.abs(episode["joint_states"].data[:, 7:14]).max(1)
+    latched = np.flatnonzero(governor.data[:, 0] == MODES.index("latched"))
+    assert len(latched) >= 500
+    assert latched[0] + len(latched) == len(governor)  # Once latched, to the end.
+    assert moved[-1] < 0.01
+
+
 def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
     tmp_path, monkeypatch, unchecked, virtual, rerun_columns
 ):
@@ -133,7 +167,7 @@ def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
 
 
 def test_what_an_interrupted_run_recorded_is_not_done_away_with(tmp_path, monkeypatch, unchecked):
-    def interrupted(index, config, folder):
+    def interrupted(index, config, folder, stop):
         if index == 1:
             raise KeyboardInterrupt
         (folder / "0000.mcap").write_text("a demonstration")

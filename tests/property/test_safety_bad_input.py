@@ -5,6 +5,7 @@ import pytest
 
 from safety.adversaries import duty, moved, retarget
 from safety.arena import Arena
+from safety.checks import check
 from safety.limits import check_contact
 from safety.packets import now_ns, plan_of
 from wrenchflow.control.config import Impedance
@@ -138,3 +139,35 @@ def test_a_promise_that_is_none_is_refused_with_its_value(every_s):
     arena = Arena("free", 0)
     with pytest.raises(ControlError, match="every_s"):
         retarget(arena, arena.base_target, 50, every_s=every_s)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("R", lambda R: R * 2.0),
+        ("R", lambda R: R * -1.0),
+        ("R", lambda R: R[[1, 0, 2]]),
+        ("M", lambda M: M * 1e300),
+        ("M", lambda M: M * -1.0),
+        ("M", lambda M: M * 0.0),
+        ("J", lambda J: J * 1e6),
+        ("q", lambda q: q + np.eye(7)[3] * 3.0),
+        ("dq", lambda dq: dq + 1e6),
+        ("coriolis", lambda c: c + 1e6),
+    ],
+)
+def test_an_arm_that_cannot_be_so_is_latched_and_comes_to_rest(name, change):
+    arena = Arena("free", 0)
+    retarget(arena, moved(arena, [0.05, 0.0, 0.0]), 300)
+    arena.run(200)
+
+    def tamper(obs):
+        obs[name] = change(obs[name].copy())
+
+    arena.tampers["state"] = tamper
+    arena.run(1)
+    arena.tampers.clear()
+    arena.run(400)
+    assert (arena.controller.mode, arena.controller.cause) == ("latched", "gate-state")
+    assert [str(finding) for finding in check(arena, arena.log.trace) if not finding.holds] == []
+    assert np.abs(arena.log.trace.truth["dq"][-1]).max() < 0.02

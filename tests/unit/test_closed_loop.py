@@ -137,3 +137,20 @@ def test_starting_again_under_load_keeps_the_rate_limit(peg_plant, perfect, quie
     controller.start(Impedance())
     plant.advance(controller, 1)
     assert (np.abs(plant.recorded["joint_command"][-1] - before) <= controller.ctl[0]["tau_step_max"] + 1e-9).all()
+
+
+def test_an_arm_that_holds_gets_no_stiffer_and_no_softer(peg_plant, perfect, quiet_rig):
+    plant, controller, _ = peg_plant(measurement=perfect, with_rig=quiet_rig)
+    pose, ctl = controller.target_pose, controller.ctl[0]
+    controller.ask(pose, pose, ticks=1, impedance=Impedance(translation_n_m=200.0, rotation_nm_rad=10.0))
+    plant.advance(controller, 2000)
+    wanted = Impedance(translation_n_m=1500.0, rotation_nm_rad=50.0, damping_ratio=0.3)
+    controller.ask(pose, pose, ticks=1, impedance=wanted, every_s=0.05)
+    plant.advance(controller, 1 + 125 + 1)  # The tick that hears it, two and a half times 50 ms, and one more.
+    assert controller.mode == "hold"
+    kept = [ctl[name].copy() for name in ("K_lin", "K_rot", "damping_ratio")]
+    assert 210.0 < kept[0][0, 0] < 1400.0  # It was on its way.
+    plant.advance(controller, 500)
+    assert controller.mode == "hold"
+    for name, value in zip(("K_lin", "K_rot", "damping_ratio"), kept, strict=True):
+        np.testing.assert_array_equal(ctl[name], value)

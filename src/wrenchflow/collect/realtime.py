@@ -16,6 +16,7 @@ from wrenchflow.collect.session import Demonstration, Session, make_operator
 from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
+from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.errors import OutputError
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import TAP_ROWS, Ring
@@ -54,13 +55,16 @@ GOAL = Source(
 )
 
 
-def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) -> Demonstration:
+def demonstrate_in_real_time(
+    index: int, config: CollectConfig, folder: Path, stop: EmergencyStop | None = None
+) -> Demonstration:
     """Record one attempt while it happens; it is the attempt that virtual time would have, with other stamps.
 
     Args:
         index: Number of the episode.
         config: Task, operator, device and gains.
         folder: Where `<id>.mcap` goes.
+        stop: What brakes the arm from outside; the attempt then ends as stopped, and is recorded to its end.
 
     Raises:
         OutputError: If the recorder cannot begin, or its writer dies; the arm holds first.
@@ -73,6 +77,8 @@ def demonstrate_in_real_time(index: int, config: CollectConfig, folder: Path) ->
 
         def begin(attempt: Attempt) -> "_Beat":
             nonlocal beat
+            if stop is not None:
+                stop.stops(attempt.controller.stop)
             known = {"operator": config.operator, "collect": to_mapping(config)}
             attachments = attempt.attachments(known)
             control, cameras, taps = CONTROL, [], {}

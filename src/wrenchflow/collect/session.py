@@ -18,6 +18,7 @@ from wrenchflow.collect.peg_by_feel import PegByFeel
 from wrenchflow.collect.sim_camera import Album, views_of, without_what_cannot_be_drawn
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
+from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError, unknown
@@ -241,8 +242,11 @@ def collect_folder(
             from wrenchflow.collect.realtime import demonstrate_in_real_time
 
             (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
-            # One after the other: what runs by the clock shares a core with nothing.
-            yield from (demonstrate_in_real_time(index, config, folder) for index in range(config.episodes))
+            with EmergencyStop() as stop:
+                # One after the other: what runs by the clock shares a core with nothing.
+                for index in range(config.episodes):
+                    yield demonstrate_in_real_time(index, config, folder, stop)
+                    stop.require_none(f"{index + 1} of {config.episodes} episodes are in '{folder}'.")
         else:
             with black_boxes(out) as boxes:
                 record = _Record(folder, boxes, config)

@@ -114,6 +114,12 @@ class Controller:
         return MODES[int(self.ctl[0]["mode"])]
 
     @property
+    def latched_s(self) -> float:
+        """For how long the arm has been latched, and could be read [s]; 0 where it is not."""
+        state = self.ctl[0]
+        return float(state["mode_tick"]) * TICK_S if state["mode"] == LATCHED else 0.0
+
+    @property
     def cause(self) -> str:
         """Name of the safeguard that changed the mode; `none` where none did."""
         return cause_of(int(self.ctl[0]["cause"]))

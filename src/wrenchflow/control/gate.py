@@ -7,6 +7,9 @@ from wrenchflow.compiled import kernel
 FURTHEST_M = 10.0  # No arm reaches further.
 MOST_RAD = 7.0  # No segment turns further: a whole turn and a bit.
 FURTHEST_RAD = 100.0  # Nor has a joint that turns further.
+FASTEST_RAD_S = 1e3  # No joint turns faster.
+MOST_INERTIA = 1e3  # In [kg m^2]; an arm's largest is about 3.
+JUMP_RAD = 0.1  # In a tick: forty times as far as the fastest joint of an arm gets.
 MOST_N = 1e4  # No feed-forward is meant to be more, in [N] or [N.m]; the caps are far below.
 
 
@@ -57,16 +60,28 @@ def all_within(values, bound):
 
 @kernel
 def state_is_sound(obs):
-    """Whether everything that the law reads of the robot's state is finite, and where an arm can be."""
+    """Whether everything that the law reads of the robot's state is finite, and as an arm can be."""
+    for j in range(obs.q.size):
+        if not obs.M[j, j] > 0.0:
+            return False
     return (
         all_within(obs.q, FURTHEST_RAD)
-        and all_finite(obs.dq)
+        and all_within(obs.dq, FASTEST_RAD_S)
         and all_within(obs.x, FURTHEST_M)
-        and all_finite(obs.R)
-        and all_finite(obs.J)
-        and all_finite(obs.M)
-        and all_finite(obs.coriolis)
+        and is_rotation(obs.R, 1e-3)
+        and all_within(obs.J, FURTHEST_M)
+        and all_within(obs.M, MOST_INERTIA)
+        and all_within(obs.coriolis, MOST_N)
     )
+
+
+@kernel
+def has_jumped(obs, ctl):
+    """Whether a joint is where it cannot have come to since the last tick: its reading is wrong, now or then."""
+    for j in range(obs.q.size):
+        if abs(obs.q[j] - ctl.q_last[j]) > JUMP_RAD:
+            return True
+    return False
 
 
 @kernel
@@ -78,24 +93,24 @@ def request_is_sound(req):
     """
     if not (all_within(req.x_start, FURTHEST_M) and all_within(req.x_stop, FURTHEST_M)):
         return False
-    if not (all_within(req.x_offset, FURTHEST_M) and all_within(req.turn, MOST_RAD) and all_finite(req.R_start)):
+    if not (all_within(req.x_offset, FURTHEST_M) and all_within(req.turn, MOST_RAD)):
         return False
     if not (all_finite(req.K_lin) and all_finite(req.K_rot) and math.isfinite(req.damping_ratio)):
         return False
-    if not (all_within(req.wrench, MOST_N) and is_rotation(req.R_start)):
+    if not (all_within(req.wrench, MOST_N) and is_rotation(req.R_start, 1e-6)):
         return False
     return req.damping_ratio >= 0.0 and is_stiffness(req.K_lin) and is_stiffness(req.K_rot)
 
 
 @kernel
-def is_rotation(R):
-    """Whether a finite matrix is a rotation, to a millionth; a mirror is orthonormal too, and is none."""
-    if _determinant(R) < 0.0:
+def is_rotation(R, tolerance):
+    """Whether a matrix is a rotation; a mirror is orthonormal too, and is none, and neither is what is not finite."""
+    if not (all_within(R, 2.0) and _determinant(R) > 0.0):
         return False
     for i in range(3):
         for j in range(3):
             dot = R[i, 0] * R[j, 0] + R[i, 1] * R[j, 1] + R[i, 2] * R[j, 2]
-            if not abs(dot - (1.0 if i == j else 0.0)) <= 1e-6:
+            if not abs(dot - (1.0 if i == j else 0.0)) <= tolerance:
                 return False
     return True
 

@@ -11,7 +11,7 @@ from wrenchflow.compiled import kernel
 from wrenchflow.control.damping import design_damping
 from wrenchflow.control.energy import account, available, error_into, raise_gain
 from wrenchflow.control.felt import feel, length
-from wrenchflow.control.gate import all_finite, fill, is_on, note, request_is_sound, state_is_sound
+from wrenchflow.control.gate import all_finite, fill, has_jumped, is_on, note, request_is_sound, state_is_sound
 from wrenchflow.control.modes import OVER_BUDGET, decide_mode, enter
 from wrenchflow.control.records import JOINTS
 from wrenchflow.control.reference import govern_reference, speed_max
@@ -78,15 +78,16 @@ def start(obs, schedule, ctl):
 def tick(obs, req, schedule, ctl):
     """Decide the torque of one tick into `ctl.tau` [N.m], without gravity.
 
-    A state or a torque that is not finite latches: the command goes, at the rate limit, to what brakes every joint, or
-    to zero while the state cannot be read. Gravity stays compensated by the robot.
+    A state that cannot be, or a torque that is not finite, latches: the command goes, at the rate limit, to what brakes
+    every joint, or to zero while the state cannot be read. Gravity stays compensated by the robot.
     """
     ctl.acting, ctl.pending = ctl.pending, 0
     fill(ctl.tau_wanted, 0.0)
-    is_finite = state_is_sound(obs)
-    if not is_finite and is_on(ctl, GATE_STATE) and ctl.mode != LATCHED:
+    can_be = state_is_sound(obs)
+    is_sound = can_be and not has_jumped(obs, ctl)
+    if not is_sound and is_on(ctl, GATE_STATE) and ctl.mode != LATCHED:
         enter(ctl, LATCHED, GATE_STATE)
-    if is_finite:
+    if is_sound:
         feel(obs, ctl)
         if ctl.tick > 0:
             account(obs, ctl)
@@ -99,9 +100,9 @@ def tick(obs, req, schedule, ctl):
         if not all_finite(ctl.tau_wanted) and is_on(ctl, GATE_TORQUE):
             enter(ctl, LATCHED, GATE_TORQUE)
     if ctl.mode == LATCHED:
-        _brake(obs, ctl, is_finite)
+        _brake(obs, ctl, is_sound)
     limit_torque(ctl)
-    if is_finite:
+    if can_be:
         ctl.t_last_ns = obs.t_ns
         for j in range(JOINTS):
             ctl.q_last[j] = obs.q[j]
@@ -365,12 +366,12 @@ def _brake_excess(ctl, first, fastest):
 
 
 @kernel
-def _brake(obs, ctl, is_finite):
+def _brake(obs, ctl, is_sound):
     """Latched: every joint is braked, or nothing is done while the state cannot be read; the spring is let go."""
     ctl.gain = ctl.spring = 0.0
     fill(ctl.wrench_command, 0.0)
     for j in range(JOINTS):
-        ctl.tau_damping[j] = -ctl.brake * _seen_speed(obs, ctl, j) if is_finite else 0.0
+        ctl.tau_damping[j] = -ctl.brake * _seen_speed(obs, ctl, j) if is_sound else 0.0
         ctl.tau_spring[j] = ctl.tau_fed[j] = ctl.tau_posed[j] = 0.0
         ctl.tau_wanted[j] = ctl.tau_damping[j]
 

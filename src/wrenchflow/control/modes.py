@@ -100,14 +100,16 @@ def _follow_or_hold(obs, schedule, ctl):
 
 @kernel
 def _hold(ctl, cause):
-    """Freeze the reference where it is; from then on that is what is asked."""
+    """Freeze the reference, the stiffness and the damping ratio as they are; from then on that is what is asked."""
     enter(ctl, HOLD, cause)
+    ctl.damping_ratio_target = ctl.damping_ratio
     for i in range(3):
         ctl.x_target[i] = ctl.x_d[i]
         ctl.x_offset[i] = 0.0
         ctl.wrench_target[i] = ctl.wrench_target[3 + i] = 0.0
         for j in range(3):
             ctl.R_target[i, j] = ctl.R_d[i, j]
+            ctl.K_lin_target[i, j], ctl.K_rot_target[i, j] = ctl.K_lin[i, j], ctl.K_rot[i, j]
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 
 # Each with what it does when it acts.
 SAFEGUARDS = {
-    "gate-state": "the robot's state was not finite, or where no arm can be: latched",
+    "gate-state": "the robot's state was not finite, or as no arm can be: latched",
     "gate-request": "a request was not sound: counted, and not followed",
     "gate-torque": "the torque was not finite: latched",
     "workspace": "the target was outside the workspace",

@@ -32,6 +32,7 @@ Glance = Callable[[int, int, np.ndarray], None]
 Keep = Callable[[Mapping[str, Any], int], np.ndarray]
 
 _MARGIN_S = 1.0  # The last step may end after the time limit.
+_REST_S = 0.5  # So long an arm that is latched is still recorded.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
 MJCF, MODEL = "model.xml", "model.mjb.gz"
 # Last number of an attempt's seed: evaluation never meets a scene that was demonstrated, nor either the start's check.
@@ -186,13 +187,18 @@ class Attempt:
             success=success,
             duration_s=self.elapsed_s,
             progress=progress,
-            failure="" if success else self.task.failure(self.scene, tcp),
+            failure="" if success else self._stopped or self.task.failure(self.scene, tcp),
         )
 
     @property
+    def _stopped(self) -> str:
+        """What the safety layer ended the attempt for, or nothing; nobody resets an arm while an attempt runs."""
+        return f"stopped: {self.controller.cause}" if self.controller.mode in ("soft-stop", "latched") else ""
+
+    @property
     def over(self) -> bool:
-        """Whether the task is done, or its time has run out."""
-        if self.elapsed_s >= self.task.time_limit_s:
+        """Whether the task is done, its time has run out, or the arm is latched and had the time to come to rest."""
+        if self.elapsed_s >= self.task.time_limit_s or self.controller.latched_s >= _REST_S:
             return True
         return self.task.progress(self.scene, self.plant.true_tcp_pose) >= 1.0
 

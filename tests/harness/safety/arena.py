@@ -146,7 +146,9 @@ class Arena:
         while self.log.count < stop:
             for i, script in enumerate(playing):
                 if due[i] <= self.log.count:
-                    due[i] = self.log.count + max(1, next(script, stop))
+                    # A script counts with what the controller was told, and that may be no number.
+                    with np.errstate(all="ignore"):
+                        due[i] = self.log.count + max(1, next(script, stop))
             self.run(min([stop, *due]) - self.log.count)
         return self.log.trace
 

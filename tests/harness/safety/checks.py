@@ -24,9 +24,6 @@ NOISE_J, NOISE_W = 0.01, 0.01
 PART_NOISE_J = 0.05
 # What is left of a perfect measurement: rounding, and the curvature of a tick's motion.
 EXACT_J = 1e-6
-# The bound on an impact is that of a tool that comes down on a wall. A peg that turns about its tip in a hole hits with
-# a lever; what was found there is 2.3 times as much.
-HOLE_IMPACT = 4.0
 
 
 def check(arena: Arena, trace: Trace) -> list[Finding]:
@@ -43,7 +40,7 @@ def check(arena: Arena, trace: Trace) -> list[Finding]:
         *check_slew(trace, config),
         *check_transparent(trace),
         *check_leash(trace, config),
-        *check_contact(trace, config, HOLE_IMPACT if arena.place.name == "hole" else 1.0),
+        *check_contact(trace, config),
         *check_speed(trace, config),
         *check_caps(trace, config),
         *check_workspace(trace, arena.rig),

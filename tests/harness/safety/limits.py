@@ -102,9 +102,8 @@ def check_workspace(trace: Trace, rig: Rig) -> list[Finding]:
     return [worst_of("reference outside the workspace [m]", np.maximum(low - x_d, x_d - high), 1e-9, inside)]
 
 
-def normal_inertia(trace: Trace) -> np.ndarray:
-    """Inertia that the tool has along the force that it exerts [kg], NaN where there is none. Shape (n,)."""
-    force = trace.truth["contact"]
+def inertia_along(trace: Trace, force: np.ndarray) -> np.ndarray:
+    """Inertia that the tool has along a force [kg], NaN where there is none. Shapes (n, 3) and (n,)."""
     size = np.sqrt((force**2).sum(1))
     inertia, touching = np.full(len(trace), np.nan), size > 1e-6
     n = force[touching] / size[touching, None]
@@ -115,12 +114,12 @@ def normal_inertia(trace: Trace) -> np.ndarray:
     return inertia
 
 
-def check_contact(trace: Trace, config: ControlConfig, impact_max: float = 1.0) -> list[Finding]:
+def check_contact(trace: Trace, config: ControlConfig) -> list[Finding]:
     """I9 and the contact force: at rest the cap, quasi-static a tenth more, in an impact what inertia adds.
 
     The force is MuJoCo's, low-passed at 50 Hz. Quasi-static is a tick before which the tool has been slower than
     10 mm/s for 100 ms; what is not is an impact, and may be over by 150 1/s times the inertia along the force times
-    the speed that is allowed near contact, or a multiple of that, `impact_max`.
+    the speed that is allowed near contact.
     """
     force = trace.truth["contact"]
     smooth = np.asarray(sosfilt(butter(2, LOWPASS_HZ, fs=1.0 / TICK_S, output="sos"), force, axis=0))
@@ -132,10 +131,11 @@ def check_contact(trace: Trace, config: ControlConfig, impact_max: float = 1.0) 
     alone = maximum_filter1d(pushed, 2 * width, origin=(2 * width - 1) // 2, mode="nearest") == 0
     quasi_static = (recent < REST_M_S) & alone
     still = (recent < STANDSTILL_M_S) & alone
-    inertia = normal_inertia(trace)
+    # Along the force that is bounded: that of the moment may already point elsewhere when the low-pass is at its peak.
+    inertia = inertia_along(trace, smooth)
     impact = (size - QUASI_STATIC_SHARE * config.force_max_n) / (IMPACT_1_S * inertia * config.zone_speed_m_s)
     return [
         worst_of("I9 static force [N]", np.abs(smooth), config.force_max_n * 1.01, still),
         worst_of("contact quasi-static [N]", size, config.force_max_n * QUASI_STATIC_SHARE, quasi_static),
-        worst_of("contact impact [150/s m v]", impact, impact_max, ~quasi_static & alone & np.isfinite(inertia)),
+        worst_of("contact impact [150/s m v]", impact, 1.0, ~quasi_static & alone & np.isfinite(inertia)),
     ]
