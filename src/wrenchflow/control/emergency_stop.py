@@ -15,8 +15,8 @@ _HEARD = tuple(each for each in (STOP_SIGNAL, signal.SIGTERM, signal.SIGINT) if 
 class EmergencyStop:
     """While entered, SIGUSR1, SIGTERM and Ctrl-C do not end the process: they brake the arm, and latch.
 
-    The loop goes on, for somebody has to brake; once the arm rests and what was recorded is written, `require_none` ends
-    the run. A second SIGTERM or Ctrl-C is answered as it was before; a stop button that bounces changes nothing.
+    The loop goes on, for somebody has to brake; once the arm rests and what was recorded is written, `require_none`
+    ends the run. A second SIGTERM or Ctrl-C is answered as it was before; a stop button that bounces changes nothing.
     """
 
     def __init__(self) -> None:
