@@ -26,8 +26,8 @@ class BlindSpiral:
         approach: Approach | None = None,
         press_n: float = 8.0,
         friction: float = 0.2,
-        speed_m_s: float = 0.012,
-        pitch_m: float = 0.0014,
+        speed_m_s: float = 0.009,
+        pitch_m: float = 0.0012,
         dwell_s: float = 0.4,
     ) -> None:
         """Prepare for one attempt.
