@@ -29,6 +29,7 @@ class BlindSpiral:
         speed_m_s: float = 0.009,
         pitch_m: float = 0.0012,
         dwell_s: float = 0.4,
+        target_m_s: float = 0.04,
     ) -> None:
         """Prepare for one attempt.
 
@@ -42,11 +43,14 @@ class BlindSpiral:
             pitch_m: Distance of its turns.
             dwell_s: How long it presses before it begins: near contact the reference is slow, and a peg that goes
                 round before it presses passes over the hole.
+            target_m_s: How fast the target may go: it runs ahead of the peg, so that in the first turn, where the
+                direction changes most, it goes faster than the peg. Below what control allows near contact.
         """
         self._approach = approach or Approach()
         self._period_s, self._speed_m_s, self._pitch_m = period_s, speed_m_s, pitch_m
         self._press_m = press_n / impedance.translation_n_m
-        self._drag_m = friction * press_n / impedance.translation_n_m
+        self._lead_m = friction * press_n / impedance.translation_n_m + speed_m_s * self._approach.lag_s
+        self._target_m_s = target_m_s
         self._angle_rad = 0.0
         self._dwell_left_s = dwell_s
 
@@ -64,12 +68,14 @@ class BlindSpiral:
             return pressed, "search"
         growth_m = self._pitch_m / (2.0 * math.pi)
         radius_m = growth_m * self._angle_rad
-        self._angle_rad += self._speed_m_s * self._period_s / math.hypot(radius_m, growth_m)
+        turning_rad_s = min(
+            self._speed_m_s / math.hypot(radius_m, growth_m), self._target_m_s / math.hypot(radius_m, self._lead_m)
+        )
+        self._angle_rad += turning_rad_s * self._period_s
         cos, sin = math.cos(self._angle_rad), math.sin(self._angle_rad)
         along = np.array([growth_m * cos - radius_m * sin, growth_m * sin + radius_m * cos])
         along /= math.hypot(*along)
         wanted = np.concatenate([perception.goal_pose[:3], perception.goal_pose[3:]])
-        lead_m = self._drag_m + self._speed_m_s * self._approach.lag_s
-        wanted[:2] += radius_m * np.array([cos, sin]) + lead_m * along
+        wanted[:2] += radius_m * np.array([cos, sin]) + self._lead_m * along
         wanted[2] -= self._press_m
         return wanted, "search"
