@@ -116,7 +116,7 @@ def follow():
     """
     from wrenchflow.control import schedule as plans
     from wrenchflow.control.config import Impedance
-    from wrenchflow.control.packet import reason_of
+    from wrenchflow.control.packet import REASONS
     from wrenchflow.control.plan import Plan, packet_of
     from wrenchflow.control.records import CTL
 
@@ -147,7 +147,7 @@ def follow():
         def accept(self, packet, now_ms):
             """What becomes of a packet at a time, by name."""
             now_ns = int(self.ns(now_ms))
-            return reason_of(int(plans.accept(packet[0], self.schedule[0], self.ctl[0], now_ns)))
+            return tuple(REASONS)[int(plans.accept(packet[0], self.schedule[0], self.ctl[0], now_ns))]
 
         def at(self, t_ms):
             """The record of targets at a time, as a copy."""
@@ -156,7 +156,7 @@ def follow():
 
         def counts(self):
             """Packets by what became of them, those that were."""
-            return {reason_of(i): int(n) for i, n in enumerate(self.schedule[0]["counts"]) if n}
+            return {name: int(n) for name, n in zip(REASONS, self.schedule[0]["counts"], strict=True) if n}
 
         def clone(self, **constants):
             """One that stands where this one stands, with other constants."""

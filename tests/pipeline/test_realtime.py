@@ -115,13 +115,15 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
         text=True,
         # A shell that runs tests in the background has them ignore Ctrl-C, and every command that they start with them.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        start_new_session=True,
     )
     folder, stop_s = tmp_path / "raw.partial", time.monotonic() + 60.0
     while not any(path.stat().st_size > 100_000 for path in folder.glob("*.mcap.partial")):
         assert running.poll() is None
         assert time.monotonic() < stop_s
         time.sleep(0.01)
-    os.kill(running.pid, getattr(signal, number))
+    # A terminal, `timeout` or a service manager tells the whole group: who writes must not be the first to go.
+    (os.kill if number == "SIGUSR1" else os.killpg)(running.pid, getattr(signal, number))
     stdout, stderr = running.communicate(timeout=60.0)
     assert (running.returncode, stdout) == (code, "")
     said = {1: "emergency stop by SIGUSR1: the arm was braked.", 143: "terminated.", 130: "interrupted."}[code]

@@ -1,5 +1,6 @@
 """Robots, sensors and callers that are worse than the adversaries of the invariants: what must not come of it."""
 
+import jaxtyping
 import numpy as np
 import pytest
 
@@ -9,8 +10,17 @@ from safety.checks import check
 from safety.limits import check_contact
 from safety.packets import now_ns, plan_of
 from wrenchflow.control.config import Impedance
+from wrenchflow.control.packet import PACKET
 from wrenchflow.control.plan import packet_of
 from wrenchflow.errors import ControlError
+
+
+@pytest.fixture
+def without_shape_checks():
+    """Wrong shapes are what these tests are about."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 def unsound_request(arena: Arena) -> None:
@@ -171,3 +181,120 @@ def test_an_arm_that_cannot_be_so_is_latched_and_comes_to_rest(name, change):
     assert (arena.controller.mode, arena.controller.cause) == ("latched", "gate-state")
     assert [str(finding) for finding in check(arena, arena.log.trace) if not finding.holds] == []
     assert np.abs(arena.log.trace.truth["dq"][-1]).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"wrench": np.zeros(5)},
+        {"every_s": 1e300},
+        {"every_s": float("nan")},
+        {"ticks": 2**70},
+        {"ticks": 1.5},
+        {"ticks": 0},
+        {"impedance": None},
+        {"stop": np.zeros(6)},
+        {"disturbance_m": np.zeros(2)},
+    ],
+    ids=str,
+)
+def test_what_is_no_request_is_told_and_nothing_of_it_is_asked(wrong, without_shape_checks):
+    arena = Arena("free", 0)
+    retarget(arena, arena.base_target, 50)
+    arena.run(100)
+    before = arena.controller.req.tobytes(), arena.controller.ctl["is_asked"][0]
+    far = moved(arena, [0.1, 0.0, 0.0])
+    with pytest.raises(ControlError):
+        arena.controller.ask(**{"start": far, "stop": far, "ticks": 1, "impedance": Impedance(), **wrong})
+    assert (arena.controller.req.tobytes(), arena.controller.ctl["is_asked"][0]) == before
+
+
+def test_a_quaternion_that_is_not_unit_is_counted_and_not_followed():
+    arena = Arena("free", 0)
+    retarget(arena, arena.base_target, 50)
+    arena.run(100)
+    target = arena.controller.target_pose
+    for length in (0.0, 0.99, 5.0):
+        far = moved(arena, [0.1, 0.0, 0.0])
+        far[3:] *= length
+        arena.controller.ask(far, far, ticks=1, impedance=Impedance())
+        arena.run(20)
+        np.testing.assert_array_equal(arena.controller.target_pose, target)
+    assert arena.controller.refusals == {"segment": 3}
+
+
+@pytest.mark.parametrize("packet", [None, np.zeros(1), np.zeros(2, PACKET), np.zeros((), PACKET)], ids="0123")
+def test_what_is_no_packet_is_told(packet, without_shape_checks):
+    arena = Arena("free", 0)
+    with pytest.raises(ControlError, match="one record of dtype PACKET"):
+        arena.controller.accept(packet, now_ns(arena))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("q", np.nan), ("x", np.nan), ("dq", np.nan), ("x", 1e300), ("R", 7.0), ("M", 0.0)]
+)
+def test_an_arm_that_cannot_be_read_does_not_start_and_nothing_that_is_no_number_leaves(name, value):
+    arena = Arena("free", 0)
+    controller, sound = arena.controller, arena.controller.obs.copy()
+    controller.obs[name] = value
+    with pytest.raises(ControlError, match="cannot begin"):
+        controller.start(Impedance())
+    controller.obs[:] = sound
+    controller.ctl["q_last"] = np.nan  # Even if it had begun so.
+    for _ in range(5):
+        assert np.isfinite(controller.tick()).all()
+
+
+def test_a_stop_is_ended_by_reset_alone():
+    arena = Arena("free", 0)
+    arena.controller.stop()
+    for _ in range(2):  # Asked for, then in force.
+        with pytest.raises(ControlError, match="reset"):
+            arena.controller.start(Impedance())
+        arena.run(50)
+    packet = packet_of(plan_of(arena, np.tile(arena.base_target, (3, 1)), Impedance()))
+    assert arena.controller.accept(packet, now_ns(arena)) == "stopped"
+    arena.controller.reset()
+    assert arena.controller.mode == "hold"
+
+
+def test_nobody_who_asked_for_nothing_is_refused():
+    arena = Arena("free", 0)
+    arena.controller.stop()
+    arena.run(100)
+    assert arena.controller.refusals == {}
+    assert "gate-request" not in arena.controller.interventions
+
+
+@pytest.mark.parametrize("axes", [[0], [1], [2], [0, 1, 2], [3, 4, 5]], ids=str)
+def test_a_sensor_with_some_channels_frozen_is_missed(axes):
+    arena = Arena("wall", 0)
+    arena.play(duty(arena, arena.rng), ticks=500)
+    frozen = arena.controller.obs[0]["wrench"].copy()
+
+    def freeze(obs):
+        obs["wrench"][axes] = frozen[axes]
+
+    arena.tampers["sensor"] = freeze
+    arena.play(duty(arena, arena.rng), ticks=50)
+    assert arena.controller.cause == "sensor"
+
+
+def test_a_moment_leads_to_a_retreat_and_a_hold_and_to_a_stop_only_if_it_stays():
+    ends = {}
+    for stays in (False, True):
+        arena = Arena("free", 0)
+        retarget(arena, arena.base_target, 50)
+        arena.run(500)
+        arena.tampers["moment"] = lambda obs: np.add(obs["wrench"], [0, 0, 0, 0, 0, 9.0], out=obs["wrench"])
+        modes = []
+        for _ in range(1200):
+            arena.run(1)
+            if arena.controller.mode not in modes:
+                modes.append(arena.controller.mode)
+            if arena.controller.mode == "retreat" and not stays:
+                arena.tampers.clear()
+            if arena.controller.mode == "hold":
+                break
+        ends[stays] = modes
+    assert ends == {False: ["run", "retreat", "hold"], True: ["run", "retreat", "soft-stop"]}

@@ -7,6 +7,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
+from wrenchflow.control.config import ControlConfig
 from wrenchflow.control.packet import MOST_WAYPOINTS
 from wrenchflow.control.safeguards import RUN, cause_of
 from wrenchflow.datasets.grid import to_steps
@@ -27,6 +28,8 @@ from wrenchflow.sim.attempt import EVALUATE, Attempt
 from wrenchflow.sim.config import AttemptConfig
 
 MS = 1_000_000
+# So slow near contact that no blow ends an attempt before its time.
+GENTLE = AttemptConfig(control=ControlConfig(zone_speed_m_s=0.03))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -63,7 +66,7 @@ def short(peg):
 
 @pytest.fixture
 def attempt(short, peg_model, rig):
-    return Attempt(short, peg_model, rig, AttemptConfig(), seed=(0, 3, EVALUATE))
+    return Attempt(short, peg_model, rig, GENTLE, seed=(0, 3, EVALUATE))
 
 
 def run(attempt: Attempt, policy: Policy, **link: float) -> Rollout:
@@ -140,7 +143,7 @@ def test_the_target_never_jumps(attempt):
 
 
 def test_plans_arrive_late_in_disorder_or_not_at_all_as_the_link_says_and_the_same_every_time(short, peg_model, rig):
-    config = DeployConfig(latency_s=0.03, jitter_s=0.04, loss=0.2)
+    config = DeployConfig(latency_s=0.03, jitter_s=0.04, loss=0.2, control=GENTLE.control)
     episodes = roll_out([3, 4], Prodder(), short, peg_model, rig, config)
     assert roll_out([3, 4], Prodder(), short, peg_model, rig, config) == episodes
     for episode in episodes:
@@ -179,7 +182,7 @@ def test_a_policy_that_falls_silent_is_held_two_and_a_half_periods_and_a_tick_af
 
 def test_a_policy_is_asked_again_only_when_its_actions_are_done(short, peg_model, rig):
     policy = Prodder(n_action_steps=4)
-    config = DeployConfig(episodes=2)
+    config = DeployConfig(episodes=2, control=GENTLE.control)
     episodes = roll_out(range(2), policy, short, peg_model, rig, config)
     assert len(policy.shown) == 10
     assert all(shown.shape == (2, 2, policy.features.width) for shown in policy.shown)

@@ -108,7 +108,7 @@ def fluttering(state: np.void, tick: int) -> None:
 
 
 def half_dead(state: np.void, tick: int) -> None:
-    state["wrench"][4] = 0.02
+    state["wrench"][4] = 0.02 + 1e-5 * (tick % 2)
 
 
 def at_its_range(state: np.void, tick: int) -> None:

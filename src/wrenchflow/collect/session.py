@@ -237,12 +237,16 @@ def collect_folder(
     views_of(config, rig)
     make_operator(config.operator, config)
     with output_folder(out, overwrite=overwrite) as folder:
-        startup = check_cell(config)
+        startup = None if config.realtime or config.live else check_cell(config)
         if config.realtime or config.live:
             from wrenchflow.collect.realtime import demonstrate_in_real_time
 
             (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
             with EmergencyStop() as stop:
+                try:
+                    startup = check_cell(config, stop)
+                finally:  # Somebody who stops the check is told of the stop, not of what the check missed by it.
+                    stop.require_none("Nothing was recorded.")
                 # One after the other: what runs by the clock shares a core with nothing.
                 for index in range(config.episodes):
                     yield demonstrate_in_real_time(index, config, folder, stop)

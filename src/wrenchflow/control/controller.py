@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from operator import index
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +12,7 @@ from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.fit import require_within
 from wrenchflow.control.gate import state_is_sound
 from wrenchflow.control.joint_speed import set_speed_limits
-from wrenchflow.control.packet import ACCEPTED, REASONS
+from wrenchflow.control.packet import ACCEPTED, PACKET, REASONS, UNIT_TOLERANCE
 from wrenchflow.control.records import CTL, OBS, REQ
 from wrenchflow.control.safeguards import GATE_REQUEST, LATCHED, MODES, SAFEGUARDS, cause_of, names_of
 from wrenchflow.control.schedule import accept, make_schedule
@@ -74,12 +75,27 @@ class Controller:
         self.set_contact_zone(np.full(3, np.inf), np.full(3, -np.inf))
 
     def set_contact_zone(self, min_m: Float[np.ndarray, " 3"], max_m: Float[np.ndarray, " 3"]) -> None:
-        """Say where contact is expected, as a box in the base frame; there the reference is slow."""
+        """Say where contact is expected, as a box in the base frame; there the reference is slow.
+
+        Where a minimum is above its maximum there is no such place.
+
+        Raises:
+            ControlError: If a corner is not a number.
+        """
+        if np.isnan([min_m, max_m]).any():
+            raise ControlError(f"a contact zone from {min_m} to {max_m} is none.")
         self.ctl[0]["zone_min"], self.ctl[0]["zone_max"] = min_m, max_m
 
     def start(self, impedance: Impedance) -> None:
-        """Begin at the observed pose, which becomes the target, and wait for the first request."""
+        """Begin at the observed pose, which becomes the target, and wait for the first request.
+
+        Raises:
+            ControlError: If the arm is latched, which only `reset` ends, or cannot be read.
+        """
         state = self.ctl[0]
+        if state["mode"] == LATCHED or state["is_stop_asked"]:
+            raise ControlError("a stopped arm does not start: an operator has to end the stop with reset().")
+        self._require_readable()
         state["K_lin_target"] = np.eye(3) * impedance.translation_n_m
         state["K_rot_target"] = np.eye(3) * impedance.rotation_nm_rad
         state["damping_ratio_target"] = impedance.damping_ratio
@@ -99,10 +115,13 @@ class Controller:
         state, obs = self.ctl[0], self.obs[0]
         if state["mode"] != LATCHED:
             raise ControlError(f"only what is latched can be reset; the mode is '{self.mode}'.")
-        if not state_is_sound(obs):
-            raise ControlError("the robot's state is not finite, or where no arm can be: control cannot begin again.")
+        self._require_readable()
         state["takes_bias"] = 0
         law.start(obs, self.schedule[0], state)
+
+    def _require_readable(self) -> None:
+        if not state_is_sound(self.obs[0]):
+            raise ControlError("the robot's state is not finite, or as no arm can be: control cannot begin.")
 
     def stop(self) -> None:
         """Emergency stop, in any mode: from the next tick on the joints are braked until the operator resets."""
@@ -163,22 +182,16 @@ class Controller:
                 one in a straight line, as the target does. Shape (3,).
             every_s: How often this is asked anew [s]: silence of 2.5 times this (100 ms at least) is a hold. Infinity
                 for a request that does not expire.
+
+        Raises:
+            ControlError: If this is no request at all: a wrong shape or type, no tick, or a time below 0. Nothing of it
+                is asked then. One whose values cannot be meant is counted instead, see `refusals`.
         """
-        if ticks < 1:
-            raise ControlError(f"a segment lasts at least 1 tick, got {ticks}.")
-        if not every_s > 0.0:
-            raise ControlError(f"every_s is {every_s:g}, expected above 0; infinity for what does not expire.")
-        req = self.req[0]
-        R_start = rotation_of(start[3:])
-        req["x_start"], req["x_stop"], req["R_start"] = start[:3], stop[:3], R_start
-        req["turn"] = log_so3(rotation_of(stop[3:]) @ R_start.T)
-        req["ticks"] = ticks
-        req["K_lin"] = np.eye(3) * impedance.translation_n_m
-        req["K_rot"] = np.eye(3) * impedance.rotation_nm_rad
-        req["damping_ratio"] = impedance.damping_ratio
-        req["wrench"] = 0.0 if wrench is None else wrench
-        req["x_offset"] = 0.0 if disturbance_m is None else disturbance_m
-        req["patience_ticks"] = patience_ticks(every_s)
+        try:
+            asked = _request(start, stop, ticks, impedance, wrench, disturbance_m, every_s)
+        except (TypeError, ValueError, OverflowError, AttributeError, IndexError) as error:
+            raise ControlError(f"this cannot be asked for: {error}") from error
+        self.req[:] = asked
         self.ctl[0]["is_asked"] = 1
 
     def accept(self, packet: np.ndarray, now_ns: int) -> str:
@@ -190,7 +203,13 @@ class Controller:
 
         Returns:
             What became of it, one of `packet.REASONS`; `accepted`, or why it is counted and not followed.
+
+        Raises:
+            ControlError: If this is no packet.
         """
+        if not isinstance(packet, np.ndarray) or packet.dtype != PACKET or packet.shape != (1,):
+            got = f"{packet.dtype} of shape {packet.shape}" if isinstance(packet, np.ndarray) else type(packet).__name__
+            raise ControlError(f"a plan is one record of dtype PACKET, shape (1,); got {got[:80]}.")
         state = self.ctl[0]
         reason = accept(packet[0], self.schedule[0], state, now_ns)
         if reason == ACCEPTED:
@@ -213,6 +232,43 @@ class Controller:
         """Decide one tick's torque [N.m], without gravity, from `obs` and `req`. Shape (7,), a view of the state."""
         law.tick_each(self.obs, self.req, self.schedule, self.ctl)
         return self.ctl["tau"][0]
+
+
+def _request(
+    start: np.ndarray,
+    stop: np.ndarray,
+    ticks: int,
+    impedance: Impedance,
+    wrench: np.ndarray | None,
+    disturbance_m: np.ndarray | None,
+    every_s: float,
+) -> np.ndarray:
+    """A record of what is asked for, made as a whole before any of it is heard. Shape (1,), dtype `REQ`."""
+    if index(ticks) < 1:
+        raise ValueError(f"a segment lasts at least 1 tick, got {ticks}.")
+    if not every_s > 0.0:
+        raise ValueError(f"every_s is {every_s:g}, expected above 0; infinity for what does not expire.")
+    asked = np.zeros(1, REQ)
+    req = asked[0]
+    R_start, R_stop = _rotation(start), _rotation(stop)
+    req["x_start"], req["x_stop"], req["R_start"] = start[:3], stop[:3], R_start
+    req["turn"] = log_so3(R_stop @ R_start.T) if np.isfinite(R_stop).all() and np.isfinite(R_start).all() else np.nan
+    req["ticks"] = ticks
+    req["K_lin"] = np.eye(3) * impedance.translation_n_m
+    req["K_rot"] = np.eye(3) * impedance.rotation_nm_rad
+    req["damping_ratio"] = impedance.damping_ratio
+    req["wrench"] = 0.0 if wrench is None else wrench
+    req["x_offset"] = 0.0 if disturbance_m is None else disturbance_m
+    req["patience_ticks"] = patience_ticks(every_s)
+    return asked
+
+
+def _rotation(pose: np.ndarray) -> np.ndarray:
+    """The rotation of a pose, or NaN, which the gate refuses, where its quaternion is not of unit length."""
+    if np.shape(pose) != (7,):
+        raise ValueError(f"a pose is of shape (7,), got {np.shape(pose)}.")
+    is_unit = abs(float(np.linalg.norm(pose[3:])) - 1.0) <= UNIT_TOLERANCE
+    return rotation_of(pose[3:]) if is_unit else np.full((3, 3), np.nan)
 
 
 def _ticks(seconds: float) -> int:

@@ -21,14 +21,10 @@ _BIAS_TICKS = 1000  # The bias is the mean of about the last second.
 def feel(obs, ctl):
     """Take in one reading: `ctl.wrench` and `ctl.impact`, or a tick more without one in `ctl.dead_ticks`."""
     raw, last = obs.wrench, ctl.wrench_raw_last
-    same = True
-    for i in range(6):
-        same = same and raw[i] == last[i]
     if not all_finite(raw):
         ctl.dead_ticks += 1
         return
     ctl.dead_ticks = 0
-    ctl.frozen_ticks = ctl.frozen_ticks + 1 if same else 0
     R, unloaded = ctl.matrices[0], ctl.sample
     multiply_into(obs.R, ctl.R_tcp_sensor, R)
     _unload(ctl, raw, R, unloaded)
@@ -38,6 +34,7 @@ def feel(obs, ctl):
             ctl.bias[i] += unloaded[i] / ctl.bias_ticks
             unloaded[i] -= unloaded[i] / ctl.bias_ticks
     for i in range(6):
+        ctl.frozen_ticks[i] = ctl.frozen_ticks[i] + 1 if raw[i] == last[i] else 0
         last[i] = raw[i]
     # About the TCP: m_tcp = m_sensor + (sensor from TCP) x f, then all of it in base axes.
     arm, moved = ctl.x_tcp_sensor, ctl.vector

@@ -79,7 +79,7 @@ def state_is_sound(obs):
 def has_jumped(obs, ctl):
     """Whether a joint is where it cannot have come to since the last tick: its reading is wrong, now or then."""
     for j in range(obs.q.size):  # noqa: SIM110 (numba compiles the loop, not the generator)
-        if abs(obs.q[j] - ctl.q_last[j]) > JUMP_RAD:
+        if not abs(obs.q[j] - ctl.q_last[j]) <= JUMP_RAD:
             return True
     return False
 

@@ -48,12 +48,15 @@ def start(obs, schedule, ctl):
     clear(schedule)
     ctl.tick = ctl.mode_tick = ctl.segment_tick = ctl.silent_ticks = 0
     ctl.mode, ctl.cause, ctl.is_waiting = HOLD, NO_CAUSE, 1
-    ctl.is_asked = ctl.is_fresh = ctl.is_stop_asked = ctl.follows_plan = ctl.pending = ctl.acting = 0
+    ctl.is_asked = ctl.was_asked = ctl.is_refused = ctl.is_fresh = ctl.is_stop_asked = 0
+    ctl.follows_plan = ctl.pending = ctl.acting = 0
     ctl.gain = ctl.spring = 0.0
     ctl.tank = ctl.tank_start
     ctl.budget = ctl.tank_start
     fill(ctl.over_ticks, 0)
-    ctl.frozen_ticks = ctl.dead_ticks = 0
+    fill(ctl.frozen_ticks, 0)
+    ctl.dead_ticks = 0
+    ctl.retreat_ns = obs.t_ns  # A plan that was made before this start knows nothing of it.
     # A reading that no sensor gives would ring on in the low-passes.
     fill(ctl.wrench_state, 0.0)
     fill(ctl.impact_state, 0.0)
@@ -132,14 +135,17 @@ def _count(ctl):
 @kernel
 def _read_request(req, ctl):
     """A segment that is not sound is counted and not followed: what was asked before stays, with its patience."""
-    is_asked = ctl.is_asked
+    is_asked, was_refused = ctl.is_asked, ctl.is_refused
     ctl.is_asked = ctl.is_refused = 0
-    if not is_asked and (ctl.follows_plan or ctl.is_waiting):
+    if is_asked:
+        ctl.was_asked = 1
+    if ctl.mode == SOFT_STOP or ctl.mode == LATCHED or not ctl.was_asked or (ctl.follows_plan and not is_asked):
         return
     if is_on(ctl, GATE_REQUEST) and not request_is_sound(req):
         note(ctl, GATE_REQUEST)
         ctl.is_refused = 1
-        ctl.rejected += 1
+        if is_asked or not was_refused:
+            ctl.rejected += 1
     elif is_asked:
         ctl.is_fresh, ctl.follows_plan, ctl.segment_tick = 1, 0, 0
         ctl.patience_ticks = req.patience_ticks

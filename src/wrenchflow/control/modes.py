@@ -148,16 +148,21 @@ def _retreat(obs, ctl, cause):
 
 @kernel
 def _retreat_on(obs, ctl):
-    """Stay in a retreat until it has arrived; a reason to stop if it did not help."""
-    away = 0.0
+    """Stay in a retreat until it has arrived and helped; a reason to stop if it does not.
+
+    A moment without a force has no direction to go away in: letting go of the spring is all there is to do.
+    """
+    away, pressed = 0.0, NO_CAUSE
     for i in range(3):
         away += (ctl.x_d[i] - ctl.x_retreat[i]) ** 2
-    if math.sqrt(away) > _ARRIVED_M and ctl.mode_tick <= ctl.retreat_ticks_max:
-        return NO_CAUSE
     if length(ctl.wrench, 0) > ctl.retreat_force and is_on(ctl, FORCE):
-        return FORCE
-    if length(ctl.wrench, 3) > ctl.retreat_moment and is_on(ctl, MOMENT):
-        return MOMENT
+        pressed = FORCE
+    elif length(ctl.wrench, 3) > ctl.retreat_moment and is_on(ctl, MOMENT):
+        pressed = MOMENT
+    if ctl.mode_tick <= ctl.retreat_ticks_max and (pressed != NO_CAUSE or math.sqrt(away) > _ARRIVED_M):
+        return NO_CAUSE
+    if pressed != NO_CAUSE:
+        return pressed
     cause = ctl.cause
     _hold(ctl, cause)
     # What was asked before does not count as asked again.
@@ -177,7 +182,9 @@ def _reason_to_stop(obs, ctl):
         late = _counted(ctl, OVERRUNS, step_ns > ctl.overrun_ns)
         if (step_ns > ctl.overrun_max_ns or late >= ctl.overruns_max) and is_on(ctl, OVERRUN):
             return OVERRUN
-    is_frozen = ctl.frozen_ticks_max > 0 and ctl.frozen_ticks > ctl.frozen_ticks_max
+    is_frozen = False
+    for i in range(6):
+        is_frozen = is_frozen or 0 < ctl.frozen_ticks_max < ctl.frozen_ticks[i]
     if (is_frozen or ctl.dead_ticks > ctl.dead_ticks_max) and is_on(ctl, SENSOR):
         return SENSOR
     if length(ctl.impact, 0) > ctl.impact_force and is_on(ctl, IMPACT):

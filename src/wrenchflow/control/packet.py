@@ -9,9 +9,12 @@ import math
 from wrenchflow.compiled import kernel
 from wrenchflow.control.gate import all_within, is_stiffness
 from wrenchflow.control.records import record_dtype
+from wrenchflow.control.safeguards import LATCHED, SOFT_STOP
 
 MOST_WAYPOINTS = 64
-HORIZON_NS = 10_000_000_000  # No plan reaches further ahead, nor is the next one promised for later.
+HORIZON_NS = 10_000_000_000  # No plan reaches further ahead.
+PERIOD_NS = 2_000_000_000  # Nor is the next one promised for later: a plan tells by it how long silence is borne.
+WIDEST_M = 1.0  # No gripper opens further.
 MOST = 1e12  # Nothing that is meant is larger, in any unit; below it no sum and no product here overflows.
 UNIT_TOLERANCE = 1e-3  # of a quaternion's length; what is within is normalised.
 
@@ -40,7 +43,7 @@ REASONS = {
     "empty": "it has no waypoint",
     "too-many": "it has more waypoints than there is room for",
     "not-finite": "a value is not finite, or larger than any that is meant",
-    "period": "the time until the next plan is not above 0, or beyond the horizon",
+    "period": "the time until the next plan is not above 0, or longer than 2 s",
     "stamps": "its stamps do not increase",
     "horizon": "a stamp lies too far ahead",
     "quaternion": "a quaternion is not of unit length",
@@ -51,8 +54,10 @@ REASONS = {
     "reordered": "one that was made later is followed already",
     "future": "it was made from an observation that is still to come",
     "past": "it was made from an observation that is too old",
-    "retreat": "it was made before the arm had retreated",
+    "retreat": "it was made before the arm had retreated, or had begun",
     "late": "all its waypoints have passed",
+    "gripper": "a width is negative, or wider than any gripper",
+    "stopped": "the arm is stopping, or latched",
 }
 (
     ACCEPTED,
@@ -72,22 +77,21 @@ REASONS = {
     PAST,
     RETREATED,
     LATE,
+    GRIPPER,
+    STOPPED,
 ) = range(len(REASONS))
-
-
-def reason_of(number: int) -> str:
-    """Name of what became of a packet."""
-    return tuple(REASONS)[number]
 
 
 @kernel
 def reason_against(packet, schedule, ctl, now_ns):
     """Look at a packet that is there at `now_ns`; `ACCEPTED` if nothing speaks against it."""
+    if ctl.mode == SOFT_STOP or ctl.mode == LATCHED or ctl.is_stop_asked:
+        return STOPPED
     if packet.count < 1:
         return EMPTY
     if packet.count > MOST_WAYPOINTS:
         return TOO_MANY
-    if not 0 < packet.period_ns <= HORIZON_NS:
+    if not 0 < packet.period_ns <= PERIOD_NS:
         return PERIOD
     if packet.t_obs_ns > now_ns:
         return FUTURE
@@ -131,4 +135,6 @@ def _reason_against_waypoint(packet, i, schedule):
             return OUTSIDE
     if not (is_stiffness(packet.K_lin[i]) and is_stiffness(packet.K_rot[i])):
         return STIFFNESS
-    return DAMPING if packet.damping_ratio[i] < 0.0 else ACCEPTED
+    if packet.damping_ratio[i] < 0.0:
+        return DAMPING
+    return ACCEPTED if math.isnan(packet.gripper[i]) or 0.0 <= packet.gripper[i] <= WIDEST_M else GRIPPER

@@ -64,6 +64,7 @@ CTL = record_dtype(
         ("pending", "i8"),  # safeguards that intervened since the last tick, between two
         ("is_waiting", "i8"),  # held since the start, for nothing has been asked yet
         ("is_asked", "i8"),  # a segment was asked for since the last tick
+        ("was_asked", "i8"),  # one was, since the start
         ("is_fresh", "i8"),  # something sound was
         ("silent_ticks", "i8"),  # since something was asked
         ("patience_ticks", "i8"),  # silence after which the arm holds; 0 for a request that does not expire
@@ -112,7 +113,7 @@ CTL = record_dtype(
         ("bias_ticks", "i8"),  # how many readings it rests on
         ("takes_bias", "i8"),  # while waiting
         ("wrench_raw_last", "f8", 6),
-        ("frozen_ticks", "i8"),
+        ("frozen_ticks", "i8", 6),  # a channel: for how long it has been the same to the last bit
         ("dead_ticks", "i8"),
         ("over_ticks", "i8", 5),  # force, moment, energy, overrun, stale: for how many ticks in a row
         ("R_tcp_sensor", "f8", (3, 3)),

@@ -4,7 +4,7 @@ import math
 
 from wrenchflow.compiled import kernel
 from wrenchflow.control.gate import is_on, note
-from wrenchflow.control.safeguards import TORQUE, TORQUE_RATE
+from wrenchflow.control.safeguards import GATE_TORQUE, TORQUE, TORQUE_RATE
 
 
 @kernel
@@ -20,10 +20,12 @@ def cap_norm(vector, first, cap):
 
 @kernel
 def limit_torque(ctl):
-    """Limit the wanted torque: magnitude, then change since the last tick, then magnitude again."""
+    """Limit the wanted torque: magnitude, then change since the last tick, then magnitude again; NaN is none at all."""
     for i in range(ctl.tau.shape[0]):
         limit, step, last = ctl.tau_max[i], ctl.tau_step_max[i], ctl.tau[i]
         wanted = ctl.tau_wanted[i]
+        if not math.isfinite(wanted) and is_on(ctl, GATE_TORQUE):
+            wanted = 0.0
         if is_on(ctl, TORQUE) and abs(wanted) > limit:
             note(ctl, TORQUE)
             wanted = min(max(wanted, -limit), limit)

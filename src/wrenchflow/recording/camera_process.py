@@ -5,7 +5,6 @@ control loop, and none of it delays what the writer has to write.
 """
 
 import multiprocessing
-import signal
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 from wrenchflow.camera import Camera, Picture, View
 from wrenchflow.clock import Clock
 from wrenchflow.errors import CameraError, WrenchflowError, unknown
+from wrenchflow.recording.child import leave_signals_to_parent
 from wrenchflow.recording.images import jpeg
 from wrenchflow.recording.ring import Ring
 
@@ -100,7 +100,7 @@ class CameraProcess:
         self._control.close()
         if self._process.is_alive():
             self._process.join(0.5)
-            self._process.terminate()
+            self._process.kill()
         self._process.join()
         for ring in self.rings:
             ring.close()
@@ -108,7 +108,7 @@ class CameraProcess:
 
 
 def _run(job: _Job, control: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the control process, which then tells us.
+    leave_signals_to_parent()
     parent = multiprocessing.parent_process()
     assert parent is not None
     views, rings = job.camera.views, []

@@ -232,7 +232,7 @@ class Recorder:
         if self._process.pid is not None and not self._is_done:
             self._process.join(1.0)
             if self._process.is_alive():
-                self._process.terminate()
+                self._process.kill()
                 self._process.join()
         for ring in (*self._rings.values(), self._events):
             ring.close()

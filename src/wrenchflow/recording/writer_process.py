@@ -7,7 +7,6 @@ written, and the file is completed and says so; if this one dies, the file stays
 import math
 import multiprocessing
 import os
-import signal
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -25,6 +24,7 @@ from wrenchflow.errors import OutputError, WrenchflowError
 from wrenchflow.messages import Attachment, Messages
 from wrenchflow.recording import codec, schemas
 from wrenchflow.recording.camera_process import PICTURES_WAITING
+from wrenchflow.recording.child import leave_signals_to_parent
 from wrenchflow.recording.file_format import CLOCK_SYNC
 from wrenchflow.recording.images import image_messages
 from wrenchflow.recording.regularity import Regularity
@@ -75,7 +75,7 @@ class Job:
 
 def run_writer(job: Job, control: Connection) -> None:
     """Write until told to finish, or until nobody is there who could tell."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the control process, which then tells us.
+    leave_signals_to_parent()
     parent = multiprocessing.parent_process()
     assert parent is not None
     try:

@@ -3,6 +3,7 @@
 import mujoco
 
 from wrenchflow.control.controller import Controller
+from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.control.startup import StartupReport, check_startup
 from wrenchflow.sim.attempt import CHECK, generators
 from wrenchflow.sim.config import AttemptConfig
@@ -10,10 +11,14 @@ from wrenchflow.sim.plant import Measurement, Plant
 from wrenchflow.sim.tasks import scenery
 
 
-def check_cell(config: AttemptConfig) -> StartupReport:
+def check_cell(config: AttemptConfig, stop: EmergencyStop | None = None) -> StartupReport:
     """Check a stage's arm, sensor and tool before it begins, at a start of its task that nobody attempts.
 
     Every random number is of a domain of its own, so no attempt is another for having been checked before.
+
+    Args:
+        config: Task, rig and limits.
+        stop: What brakes the arm from outside; a check that it ends has failed.
 
     Raises:
         ConfigError: If the task or the rig does not exist, or the control configuration is beyond the hardware.
@@ -24,4 +29,7 @@ def check_cell(config: AttemptConfig) -> StartupReport:
     data = mujoco.MjData(model)
     task.place(model, data, task.draw(model, scene_rng))
     plant = Plant(model, data, rig, Measurement(), plant_rng, capacity_s=0.0)
-    return check_startup(plant, Controller(rig, config.control), rig)
+    controller = Controller(rig, config.control)
+    if stop is not None:
+        stop.stops(controller.stop)
+    return check_startup(plant, controller, rig)

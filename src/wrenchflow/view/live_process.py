@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import signal
 import time
 from collections import deque
 from multiprocessing.connection import Connection, wait
@@ -12,6 +11,7 @@ import rerun as rr
 
 from wrenchflow.errors import WrenchflowError
 from wrenchflow.recording.camera_process import PICTURES_WAITING
+from wrenchflow.recording.child import leave_signals_to_parent
 from wrenchflow.recording.ring import Ring
 from wrenchflow.source import Source, T, samples_of
 from wrenchflow.view import style
@@ -29,7 +29,7 @@ _NICENESS = 10  # Less urgent than the control loop; the viewer inherits it.
 
 def run_live(job: Job, control: Connection) -> None:
     """Log until told to finish, or until nobody is there who could tell."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the control process, which then tells us.
+    leave_signals_to_parent()
     os.nice(_NICENESS)
     parent = multiprocessing.parent_process()
     assert parent is not None
