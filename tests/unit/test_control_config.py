@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,10 @@ from wrenchflow.errors import ConfigError
 from wrenchflow.rig import load_rig
 
 RIG = load_rig("panda_peg")
+
+
+def config_with(name: str, value: Any) -> ControlConfig:
+    return ControlConfig(**{name: value})
 
 
 @pytest.mark.parametrize(
@@ -58,7 +63,7 @@ RIG = load_rig("panda_peg")
 )
 def test_what_would_switch_a_safeguard_off_or_trip_it_always_is_refused(name: str, value: float):
     with pytest.raises(ConfigError, match=rf"^control\.{name} is [\d.e+-]+, expected from [\d.e+-]+ to [\d.e+-]+\.$"):
-        ControlConfig(**{name: value})
+        config_with(name, value)
 
 
 def test_every_field_has_a_range_and_its_default_is_well_within():
@@ -71,12 +76,12 @@ def test_every_field_has_a_range_and_its_default_is_well_within():
 def test_a_range_holds_its_ends_and_nothing_beyond(name: str):
     low, high = _RANGES[name]
     for value in (low, high):
-        assert getattr(ControlConfig(**{name: value}), name) == value
+        assert getattr(config_with(name, value), name) == value
     whole = isinstance(low, int)
     beyond = (low - 1, high + 1) if whole else (math.nextafter(low, -1.0), math.nextafter(high, math.inf))
     for value in (*beyond, *(() if whole else (-math.inf, math.inf, math.nan))):
         with pytest.raises(ConfigError, match=rf"^control\.{name} is "):
-            ControlConfig(**{name: value})
+            config_with(name, value)
 
 
 @pytest.mark.parametrize("name", _RANGES)
@@ -87,7 +92,7 @@ def test_what_is_within_its_range_can_be_computed_with_or_is_refused(name: str):
 
     for value in _RANGES[name]:
         try:
-            controller = Controller(RIG, ControlConfig(**{name: value}))
+            controller = Controller(RIG, config_with(name, value))
         except ConfigError:  # Beyond this robot or sensor, or out of order with another limit.
             continue
         assert not_finite(controller) == not_finite(Controller(RIG, ControlConfig()))
