@@ -66,6 +66,7 @@ def _recording(path: Path) -> dict[str, Any]:
         "chunks": dict(info.chunks),
         "result": info.meta.get("result"),
         "safety": info.meta.get("safety"),
+        "plans": info.meta.get("plans"),
         "recorded": info.meta.get("recorded"),
         "topics": {
             topic.name if names[topic.name] == 1 else f"{topic.name} ({topic.schema})": _topic(topic)

@@ -82,6 +82,7 @@ def recording_lines(found: Mapping[str, Any]) -> list[str]:
         "chunks": ", ".join(f"{count} {name}" for name, count in found["chunks"].items()) or None,
         "result": _pairs(found["result"]),
         **_safety(found["safety"]),
+        **_plans(found["plans"]),
     }
     topics = [
         (name, of["schema"] or "-", of["messages"], _rate(of["rate_hz"]), _said(of["gaps"]), _ms(of["longest_pause_s"]))
@@ -119,6 +120,21 @@ def _safety(said: Any) -> dict[str, str]:
             "extremes": f"leash in {said['leash_share']:.1%} of the ticks, tank down to {said['tank_min_j']:.2f} J, "
             f"force up to {said['peak_force_n']:.1f} N, moment up to {said['peak_moment_nm']:.2f} N.m",
         }
+    except (AttributeError, KeyError, TypeError, ValueError):  # Another writer's, or none.
+        return {}
+
+
+def _plans(said: Any) -> dict[str, str]:
+    """What became of a policy's plans, where a recording says so as that of a rollout does."""
+    try:
+        told = ", ".join(f"{said[fate]} {fate}" for fate in ("sent", "lost", "overtaken", "received"))
+        told += f", {sum(said['refused'].values())} refused"
+        if said["received"]:
+            told += (
+                f"; {sum(said['kept'])} waypoints kept, {sum(said['dropped'])} dropped; up to {max(said['age_ticks'])} "
+                f"ms old, seams up to {1e3 * max(said['seam_jump_m']):.2f} mm"
+            )
+        return {"plans": told}
     except (AttributeError, KeyError, TypeError, ValueError):  # Another writer's, or none.
         return {}
 

@@ -41,7 +41,10 @@ def test_the_defaults_are_within_the_limits_of_every_robot_that_comes_along(robo
         ({"force_max_n": 41.0}, "control.force_max_n is 41, allowed 40 at most: control.retreat_force_n."),
         ({"moment_max_nm": 6.1}, "control.moment_max_nm is 6.1, allowed 6 at most: control.retreat_moment_nm."),
         ({"retreat_force_n": 81.0}, "control.retreat_force_n is 81, allowed 80 at most: control.impact_force_n."),
-        ({"zone_speed_m_s": 0.3}, "control.zone_speed_m_s is 0.3, allowed 0.25 at most: control.speed_max_m_s."),
+        (
+            {"zone_speed_m_s": 0.1, "speed_max_m_s": 0.09},
+            "control.zone_speed_m_s is 0.1, allowed 0.09 at most: control.speed_max_m_s.",
+        ),
         ({"stiffness_min_n_m": 2000.0}, "control.stiffness_min_n_m is 2000, allowed 1500 at most"),
         ({"stiffness_min_nm_rad": 61.0}, "control.stiffness_min_nm_rad is 61, allowed 60 at most"),
         ({"damping_ratio_min": 2.1}, "control.damping_ratio_min is 2.1, allowed 2 at most: control.damping_ratio_max."),
@@ -51,8 +54,6 @@ def test_the_defaults_are_within_the_limits_of_every_robot_that_comes_along(robo
             "control.tank_reserve_j is 2, allowed less than 2: control.tank_start_j.",
         ),
         ({"overrun_s": 0.006}, "control.overrun_s is 0.006, allowed 0.005 at most: control.overrun_max_s."),
-        ({"overrun_s": 0.001}, "control.overrun_s is 0.001, allowed more than 0.001: one tick of the loop."),
-        ({"stale_s": 0.0005}, "control.stale_s is 0.0005, allowed more than 0.001: one tick of the loop."),
         (
             {"stiffness_min_nm_rad": 1.0},
             "control.moment_max_nm over control.stiffness_min_nm_rad is 3, allowed 1.571 at most: a quarter of a turn, "
@@ -110,12 +111,6 @@ def test_a_robot_that_leaves_a_limit_open_is_refused(name: str):
     """As recordings of before the safety layer do, whose rigs say less: they can be read, not controlled."""
     with pytest.raises(ConfigError, match=rf"^robot 'panda' does not state {name}, which control needs\. Robots that"):
         require_within(ControlConfig(), replace(RIG, robot=replace(RIG.robot, **{name: None})))
-
-
-@pytest.mark.parametrize("share", ["torque_share", "torque_rate_share", "joint_speed_share", "tank_refill_share"])
-def test_a_share_of_more_than_all_is_refused_where_it_is_made(share: str):
-    with pytest.raises(ConfigError, match=rf"^control\.{share} is 1\.01, expected above 0 and 1 at most\.$"):
-        ControlConfig(**{share: 1.01})
 
 
 def test_the_damping_of_no_posture_is_over_the_bound(peg_model):

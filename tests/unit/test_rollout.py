@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import jaxtyping
 import numpy as np
@@ -14,6 +15,7 @@ from wrenchflow.datasets.grid import to_steps
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.link import Link
 from wrenchflow.deploy.rollout import Rollout, roll_out
+from wrenchflow.describe import describe
 from wrenchflow.errors import ConfigError
 from wrenchflow.policy.config import MlpConfig, PolicyConfig
 from wrenchflow.policy.features import ACTION_COLUMNS, ACTION_FLOORS, FORCE_GROUPS, WITH_FORCE, WITHOUT_FORCE, Features
@@ -26,6 +28,7 @@ from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import EVALUATE, Attempt
 from wrenchflow.sim.config import AttemptConfig
+from wrenchflow.told import recording_lines
 
 MS = 1_000_000
 # So slow near contact that no blow ends an attempt before its time.
@@ -131,6 +134,53 @@ def test_a_plan_that_always_comes_too_late_moves_nothing_and_is_named(attempt):
     assert plans["refused"] == {"late": plans["received"]}
     assert sum(plans["dropped"]) == 4 * plans["received"] > 100
     assert episode.meta["safety"]["interventions"]["gate-request"] == plans["received"]
+
+
+def told_of_plans(path: Path) -> list[str]:
+    return [line.split(maxsplit=1)[1] for line in recording_lines(describe(path)) if line.startswith("plans")]
+
+
+@pytest.mark.parametrize(
+    ("link", "said"),
+    [
+        ({"loss": 1.0}, "40 sent, 40 lost, 0 overtaken, 0 received, 0 refused"),
+        (
+            {"latency_s": 0.3},
+            "40 sent, 0 lost, 0 overtaken, 34 received, 34 refused; 0 waypoints kept, 136 dropped; up to 302 ms old, "
+            "seams up to 0.00 mm",
+        ),
+    ],
+)
+def test_info_tells_what_became_of_the_plans_where_none_came_to_anything(attempt, tmp_path, link, said):
+    episode = run(attempt, Prodder(), **link).episode("rollout")
+    write_episode(tmp_path / "rollout.mcap", episode)
+    assert describe(tmp_path / "rollout.mcap")["plans"] == episode.meta["plans"]
+    assert told_of_plans(tmp_path / "rollout.mcap") == [said]
+
+
+_FATES = {"sent": 9, "lost": 3, "overtaken": 1, "received": 4, "refused": {"late": 1, "past": 1}}
+_ROWS = {"age_ticks": [2, 40, 7, 3], "kept": [4, 0, 3, 0], "dropped": [0, 4, 1, 0]}
+
+
+@pytest.mark.parametrize(
+    ("plans", "told"),
+    [
+        (
+            {**_FATES, **_ROWS, "seam_jump_m": [0.0, 0.0, 0.00123, 0.0]},
+            "9 sent, 3 lost, 1 overtaken, 4 received, 2 refused; 7 waypoints kept, 5 dropped; up to 40 ms old, "
+            "seams up to 1.23 mm",
+        ),
+        # Another writer's, which says something else under that name.
+        (7, None),
+        (_FATES, None),
+    ],
+)
+def test_info_tells_of_plans_what_it_finds(attempt, tmp_path, plans, told):
+    attempt.follow(10)
+    write_episode(tmp_path / "of.mcap", attempt.episode("of", {}, [], plans=plans))
+    assert told_of_plans(tmp_path / "of.mcap") == ([told] if told else [])
+    write_episode(tmp_path / "none.mcap", attempt.episode("none", {}, []))
+    assert told_of_plans(tmp_path / "none.mcap") == []
 
 
 def test_the_target_never_jumps(attempt):

@@ -8,8 +8,57 @@ from dataclasses import dataclass, fields
 
 from wrenchflow.errors import ConfigError
 
-_MAY_BE_ZERO = ("nullspace_nm_rad", "ramp_s", "tank_fill_w", "tank_reserve_j", "actuation_latency_s")
-_AT_MOST_ONE = ("torque_share", "torque_rate_share", "joint_speed_share", "tank_refill_share")
+# What each field of `ControlConfig` may be, both ends included: wide enough for other robots, sensors and tasks; what
+# the present ones bear is for `fit.py`. A safeguard that is set so that it never acts is no safeguard, so none can be.
+_RANGES: dict[str, tuple[float, float]] = {
+    "nullspace_nm_rad": (0.0, 100.0),
+    "ramp_s": (0.0, 10.0),
+    "damping_design_hz": (10.0, 1000.0),  # More seldom it would be of another posture.
+    "force_max_n": (1.0, 150.0),
+    "moment_max_nm": (0.05, 20.0),
+    "speed_max_m_s": (0.001, 3.0),
+    "turn_max_rad_s": (0.005, 4.0),
+    "zone_speed_m_s": (0.001, 0.15),  # As fast as elsewhere it would be no zone.
+    "zone_slowing_s": (0.1, 5.0),  # In less the arm, which lags behind, would enter the zone too fast.
+    "arm_speed_share": (0.5, 2.0),
+    "brake_s": (0.001, 0.1),
+    "stiffness_min_n_m": (10.0, 3000.0),
+    "stiffness_max_n_m": (10.0, 5000.0),
+    "stiffness_min_nm_rad": (0.5, 300.0),
+    "stiffness_max_nm_rad": (0.5, 300.0),
+    "stiffness_fall_n_m_s": (100.0, 2e5),  # At the upper end the default range takes seven ticks,
+    "stiffness_fall_nm_rad_s": (5.0, 1e4),  # and six here: faster is a step.
+    "damping_ratio_min": (0.2, 3.0),  # Less would ring.
+    "damping_ratio_max": (0.2, 3.0),
+    "slew_inertia_kg": (1.0, 100.0),  # A little one lets stiffness rise at once: an arm weighs more at its flange,
+    "slew_inertia_kg_m2": (0.02, 10.0),  # a Panda 2.4 kg and 0.044 kg m^2.
+    "tank_start_j": (0.01, 10.0),  # More would pay for whatever is asked: at 0.25 m/s an arm's own energy is 0.4 J.
+    "tank_max_j": (0.01, 10.0),
+    "tank_reserve_j": (0.0, 5.0),
+    "tank_fill_w": (0.0, 5.0),  # The default force at the default speed spends 6 W.
+    "tank_refill_share": (0.0, 1.0),
+    "observer_patience_s": (0.001, 0.1),
+    "observer_damping_nm_s_rad": (5.0, 50.0),
+    "hold_max_s": (0.01, 30.0),
+    "stop_s": (0.02, 2.0),
+    "brake_nm_s_rad": (2.0, 50.0),  # With less the arm would coast for seconds.
+    "retreat_force_n": (1.0, 200.0),
+    "retreat_moment_nm": (0.05, 30.0),
+    "retreat_patience_s": (0.001, 0.1),
+    "retreat_m": (0.0005, 0.05),
+    "retreat_max_s": (0.05, 5.0),
+    "impact_force_n": (1.0, 300.0),
+    "joint_speed_share": (0.1, 1.0),
+    "joint_margin_rad": (0.01, 2.0),  # The fastest joint turns by half of the lower end in a tick.
+    "overrun_s": (0.0015, 0.01),  # A tick of the loop takes 0.001 s.
+    "overruns_max": (1, 10),
+    "overrun_max_s": (0.0015, 0.02),
+    "stale_s": (0.0015, 0.02),
+    "frozen_s": (0.002, 0.2),
+    "actuation_latency_s": (0.0, 0.2),
+    "torque_share": (0.1, 1.0),
+    "torque_rate_share": (0.05, 1.0),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,15 +182,6 @@ class ControlConfig:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in _AT_MOST_ONE and not 0.0 < value <= 1.0:
-                raise ConfigError(f"control.{field.name} is {value:g}, expected above 0 and 1 at most.")
-            may_be_zero = field.name in (
-                "nullspace_nm_rad",
-                "ramp_s",
-                "tank_fill_w",
-                "tank_reserve_j",
-                "actuation_latency_s",
-            )
-            if not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
-                raise ConfigError(f"control.{field.name} is {value:g}, expected a number above 0.")
+            value, (low, high) = getattr(self, field.name), _RANGES[field.name]
+            if not low <= value <= high:
+                raise ConfigError(f"control.{field.name} is {value}, expected from {low:g} to {high:g}.")

@@ -92,9 +92,6 @@ def _require_orders(config: ControlConfig) -> None:
             f"control.tank_reserve_j is {config.tank_reserve_j:g}, allowed less than {config.tank_start_j:g}: "
             "control.tank_start_j."
         )
-    for name in ("overrun_s", "stale_s"):
-        if not (value := getattr(config, name)) > TICK_S:
-            raise ConfigError(f"control.{name} is {value:g}, allowed more than {TICK_S:g}: one tick of the loop.")
     # The error of a rotation is that of the shorter way round, so a leash must not let it become half a turn.
     leash_rad = config.moment_max_nm / config.stiffness_min_nm_rad
     _require(
