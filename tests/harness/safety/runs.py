@@ -18,8 +18,8 @@ from wrenchflow.control.safeguards import MODES, SAFEGUARDS
 # Rises faster than by default, so that less of a run is spent on it.
 NOISY = ControlConfig(ramp_s=0.2)
 PERFECT = replace(NOISY, nullspace_nm_rad=0.0)
-# The default tank never runs dry in a run; this one soon does, and keeps no reserve that would hide who pays too late.
-POOR_TANK = {"tank_start_j": 0.04, "tank_max_j": 0.06, "tank_reserve_j": 0.0, "tank_fill_w": 0.005}
+# The default tank never runs dry in a run; what may be asked for soon empties this one down to its reserve.
+POOR_TANK = {"tank_start_j": 0.05, "tank_max_j": 0.07, "tank_reserve_j": 0.02, "tank_fill_w": 0.005}
 WAITS = 100
 SEARCHED = "searched"
 # What a search makes as bad as it can: energy where there is hardly any, and forces where nothing else is in the way.
