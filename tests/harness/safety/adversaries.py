@@ -208,6 +208,14 @@ def silence(arena: Arena, rng: Generator) -> Script:
         yield int(rng.choice([30, 90, 400, 1600]))
 
 
+def last_words(arena: Arena, rng: Generator) -> Script:
+    """A few requests that expire, and after them nobody who ever asks again."""
+    for _ in range(rng.integers(1, 4)):
+        pose = moved(arena, rng.normal(size=3) * 0.03)
+        retarget(arena, pose, int(rng.choice([1, 100, 300])), every_s=float(rng.choice([0.02, 0.05, 0.1])))
+        yield int(rng.choice([30, 90, 150]))
+
+
 def wrong_clock(arena: Arena, rng: Generator) -> Script:
     """A clock of the robot that goes back, jumps ahead, or stands still."""
     while True:
@@ -350,7 +358,11 @@ ADVERSARIES: dict[str, Adversary] = {
 }
 
 
+# Who needs a long run to do any harm.
+PATIENT: dict[str, Adversary] = {"last words": last_words}
+
+
 def scripts_of(arena: Arena, name: str, seed: int) -> tuple[Script, ...]:
     """An adversary by name, and an operator beside it who resets what it latched."""
     first, second = np.random.default_rng((seed, 29, *name.encode())).spawn(2)
-    return ADVERSARIES[name](arena, first), operator(arena, second)
+    return (ADVERSARIES | PATIENT)[name](arena, first), operator(arena, second)

@@ -1,6 +1,7 @@
 """What a check found: the worst value of a run beside the limit that it was to keep."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,11 @@ class Finding:
         return self.worst <= self.limit
 
     @property
+    def is_checked(self) -> bool:
+        """Whether there was anything to check; where there was not, the limit was kept by nobody."""
+        return self.worst != -math.inf
+
+    @property
     def badness(self) -> tuple[bool, float]:
         """Larger is worse: what is broken is worse than what holds, and NaN is worse than any number."""
         return not self.holds, self.worst if self.worst == self.worst else math.inf
@@ -53,3 +59,9 @@ def worst_of(name: str, values: np.ndarray, limit: float, where: np.ndarray | No
     # NaN is worse than any number.
     index = int(np.argmax(np.where(np.isnan(largest), np.inf, largest)))
     return Finding(name, float(largest[index]), limit, int(ticks[index]))
+
+
+def unchecked(findings: Iterable[Finding]) -> list[str]:
+    """Names of what was nowhere checked, in any of many runs: that it holds says nothing."""
+    found = list(findings)
+    return sorted({each.name for each in found} - {each.name for each in found if each.is_checked})

@@ -31,7 +31,7 @@ def check_rest(trace: Trace) -> list[Finding]:
     share = np.full(len(trace), -np.inf)
     if len(ran) and ran[-1] + SETTLED_TICKS < len(trace):
         start = ran[-1] + 1
-        if trace.is_free[start:].all():
+        if not trace.is_pushed[start:].any():
             most = trace.kinetic[start] + trace.after["spring"][start] + 1e-3
             share[start + SETTLED_TICKS :] = trace.kinetic[start + SETTLED_TICKS :] / most
     return [worst_of("I5 motion left after silence [share]", share, SETTLED_SHARE)]

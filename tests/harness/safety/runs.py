@@ -18,24 +18,43 @@ from wrenchflow.control.safeguards import MODES, SAFEGUARDS
 # Rises faster than by default, so that less of a run is spent on it.
 NOISY = ControlConfig(ramp_s=0.2)
 PERFECT = replace(NOISY, nullspace_nm_rad=0.0)
+# The default tank never runs dry in a run; what may be asked for soon empties this one down to its reserve.
+POOR_TANK = {"tank_start_j": 0.05, "tank_max_j": 0.07, "tank_reserve_j": 0.02, "tank_fill_w": 0.005}
 WAITS = 100
 SEARCHED = "searched"
-# What the search makes as bad as it can.
-AIMS = ("I2 work since any tick [J over]", "I1 tank", "contact impact [150/s m v]", "contact quasi-static [N]")
+# What a search makes as bad as it can: energy where there is hardly any, and forces where nothing else is in the way.
+ENERGY_AIMS = ("I1 tank", "I2 work since any tick [J over]")
+FORCE_AIMS = ("contact impact [150/s m v]", "contact quasi-static [N]")
+# The last request, what it takes to expire, and the three seconds until the arm has to be at rest.
+SILENT_TICKS = 4200
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One adversary at one place."""
+    """One adversary at one place.
+
+    Attributes:
+        place: Of `PLACES`.
+        adversary: Of `ADVERSARIES`, or `SEARCHED`.
+        seed: Of everything that is drawn.
+        ticks: How long, all attempts of a search together.
+        noisy: Whether the arm is measured as a real one is.
+        poor: Whether the tank is `POOR_TANK`.
+        without: Safeguards that are left out, by name.
+    """
 
     place: str
     adversary: str
     seed: int
     ticks: int
     noisy: bool
+    poor: bool
+    without: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.adversary} at {self.place}, seed {self.seed}{'' if self.noisy else ', perfect measurement'}"
+        parts = [f"{self.adversary} at {self.place}", f"seed {self.seed}"]
+        parts += ["poor tank"] * self.poor + ["perfect measurement"] * (not self.noisy)
+        return ", ".join(parts + ["without " + " and ".join(self.without)] * bool(self.without))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +116,9 @@ def play_search(run: Run, ticks: int = 750) -> Outcome:
         findings.extend(found)
         return found
 
-    attempts = max(2, run.ticks // ticks // len(AIMS))
-    for number, aim in enumerate(AIMS):
+    aims = ENERGY_AIMS if run.poor else FORCE_AIMS
+    attempts = max(2, run.ticks // ticks // len(aims))
+    for number, aim in enumerate(aims):
         rng = np.random.default_rng((run.seed, 31, number))
         search(attempt, aim, rng, draws=attempts // 2, refinements=attempts - attempts // 2)
     return _outcome(run, _worst(findings), counted)
@@ -113,25 +133,39 @@ def _worst(findings: list[Finding]) -> list[Finding]:
 
 
 def _arena(run: Run) -> Arena:
-    return Arena(run.place, run.seed, noisy=run.noisy, control=NOISY if run.noisy else PERFECT, waits=WAITS)
+    control = NOISY if run.noisy else PERFECT
+    if run.poor:
+        control = replace(control, **POOR_TANK)
+    return Arena(run.place, run.seed, noisy=run.noisy, control=control, without=run.without, waits=WAITS)
 
 
 def all_runs(ticks: int, ticks_a_run: int, seed: int) -> Iterator[Run]:
-    """Runs of every adversary at every place, every third with a perfect measurement, until `ticks` are spent."""
+    """Runs of every adversary at every place, round after round, until `ticks` are spent.
+
+    Every third has a perfect measurement, two of five have a poor tank; so all four come together in time.
+    """
     spent, number = 0, 0
     while spent < ticks:
         for place, adversary in product(PLACES, ADVERSARIES):
-            noisy = number % 3 != 0
-            yield Run(place=place, adversary=adversary, seed=seed + number, ticks=ticks_a_run, noisy=noisy)
+            noisy, poor = number % 3 != 0, number % 5 < 2
+            yield Run(place=place, adversary=adversary, seed=seed + number, ticks=ticks_a_run, noisy=noisy, poor=poor)
             spent, number = spent + ticks_a_run, number + 1
 
 
-def all_searches(ticks: int, seed: int) -> Iterator[Run]:
-    """A search at every place, of `ticks` ticks together."""
+def all_silences(seed: int) -> Iterator[Run]:
+    """A run at every place that lasts until an arm to which nobody speaks has to be at rest."""
     for number, place in enumerate(PLACES):
-        yield Run(place=place, adversary=SEARCHED, seed=seed + number, ticks=ticks // len(PLACES), noisy=True)
+        noisy, poor = number % 2 == 0, number >= len(PLACES) // 2
+        yield Run(place=place, adversary="last words", seed=seed + number, ticks=SILENT_TICKS, noisy=noisy, poor=poor)
+
+
+def all_searches(ticks: int, seed: int) -> Iterator[Run]:
+    """Two searches at every place, with a poor tank and without, of `ticks` ticks together."""
+    pairs = list(product(PLACES, (False, True)))
+    for number, (place, poor) in enumerate(pairs):
+        yield Run(place=place, adversary=SEARCHED, seed=seed + number, ticks=ticks // len(pairs), noisy=True, poor=poor)
 
 
 def run(each: Run) -> Outcome:
-    """Either of the two."""
+    """Whichever it is."""
     return play_search(each) if each.adversary == SEARCHED else play(each)
