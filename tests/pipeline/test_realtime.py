@@ -97,7 +97,7 @@ def test_what_the_safety_layer_did_is_there_after_the_control_process_is_killed(
         time.sleep(0.01)
     episode = read_episode(left[0])
     assert episode.meta["result"]["failure"] == "the control process died"
-    assert len(episode["governor"]) == len(episode["request"]) == len(episode["tcp_pose"]) > 200
+    assert len(episode["governor"]) == len(episode["request"]) == len(episode["tcp_pose"]) > 100
     for name in ("governor", "request"):
         part = virtual[name].data[: len(episode[name])]
         np.testing.assert_array_equal(episode[name].data, part)

@@ -27,7 +27,7 @@ class Reference:
     def __init__(self, rig, config: ControlConfig, zone, obs, impedance):
         self.rig, self.config, self.zone = rig, config, zone
         self.x_d, self.R_d, self.q_null = obs["x"].copy(), Rotation.from_matrix(obs["R"]), obs["q"].copy()
-        self.q, self.tau, self.k, self.segment = obs["q"].copy(), np.zeros(7), 0, 0
+        self.q, self.tau, self.k, self.segment, self.let_go = obs["q"].copy(), np.zeros(7), 0, 0, 0
         self.K = [np.eye(3) * impedance.translation_n_m, np.eye(3) * impedance.rotation_nm_rad]
         self.zeta, self.gain, self.parts = impedance.damping_ratio, 0.0, np.zeros((5, 7))
         self.tank, self.spring, self.budget = config.tank_start_j, 0.0, config.tank_start_j
@@ -179,11 +179,16 @@ class Reference:
         both = spring + fed
         for half, cap in ((slice(0, 3), c.force_max_n), (slice(3, 6), c.moment_max_nm)):
             both[half] *= min(1.0, cap / max(np.linalg.norm(both[half]), 1e-300))
-        tau = J.T @ (both + damping) + posed
         limit = np.array(self.rig.robot.torque_nm) * c.torque_share
         step = np.array(self.rig.robot.torque_rate_nm_s) * c.torque_rate_share * 1e-3
+        damped = J.T @ damping
+        taken = -0.5e-3 * (np.abs(damped) / step).max() * damped @ obs["dq"]
+        if taken > 0.25 * obs["dq"] @ obs["M"] @ obs["dq"]:
+            self.let_go += 1
+            damped = damped * np.sqrt(0.25 * obs["dq"] @ obs["M"] @ obs["dq"] / taken)
+        tau = J.T @ both + damped + posed
         self.tau = np.clip(np.clip(np.clip(tau, -limit, limit), self.tau - step, self.tau + step), -limit, limit)
-        parts = [J.T @ spring, J.T @ damping, J.T @ fed, posed]
+        parts = [J.T @ spring, damped, J.T @ fed, posed]
         self.parts, self.q = np.array([*parts, self.tau - sum(parts)]), obs["q"].copy()
         self.k += 1
         return self.tau
@@ -241,6 +246,7 @@ def test_in_closed_loop_the_compiled_tick_is_the_reference(peg, peg_plant, rig, 
     np.testing.assert_allclose(ours.data.qpos, theirs.data.qpos, atol=near)
     # What the comparison is worth: nearly everything that limits has done so.
     assert acted >= {"stiffness-range", "stiffness-slew", "leash", "speed", "turn", "contact-zone", "workspace"}
+    assert reference.let_go > 10
     assert ({"tank-reference", "tank-torque"} <= acted) == bool(tank)
 
 

@@ -34,7 +34,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "slew_inertia_kg_m2": (0.02, 10.0),  # a Panda 2.4 kg and 0.044 kg m^2.
     "tank_start_j": (0.01, 10.0),  # More would pay for whatever is asked: at 0.25 m/s an arm's own energy is 0.4 J.
     "tank_max_j": (0.01, 10.0),
-    "tank_reserve_j": (0.0, 5.0),
+    "tank_reserve_j": (0.05, 5.0),  # It pays for what nobody asked: a torque that is held, a limit that acts.
     "tank_fill_w": (0.0, 5.0),  # The default force at the default speed spends 6 W.
     "tank_refill_share": (0.0, 1.0),
     "observer_patience_s": (0.001, 0.1),

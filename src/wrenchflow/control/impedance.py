@@ -30,12 +30,14 @@ from wrenchflow.control.safeguards import (
     RUN,
     SOFT_STOP,
     TANK_TORQUE,
+    TORQUE_RATE,
 )
 from wrenchflow.control.schedule import clear, evaluate
 from wrenchflow.control.stiffness import TICK_S, clamp_stiffness, govern_stiffness
 from wrenchflow.control.torque import cap_norm, limit_torque
 from wrenchflow.so3 import exp_into, multiply_into
 
+_TAKEN_MAX = 0.5  # Share of the arm's kinetic energy that damping may take while it is let go of.
 _FADE_FROM = 0.5  # Of the speed at which the arm is braked: from it on feed-forward fades out.
 
 
@@ -332,6 +334,8 @@ def _damp(obs, ctl):
         _brake_excess(ctl, 3, step / ctl.x_step_max * ctl.turn_step_max / TICK_S)
     fill(ctl.tau_damping, 0.0)
     _add_torque(obs, F, ctl.tau_damping)
+    if is_on(ctl, TORQUE_RATE) and ctl.budget >= 0.0:  # Over budget, what brakes at all brakes with all it has.
+        _let_go_in_time(obs, ctl)
     brake = ctl.brake * (1.0 - ctl.gain) if ctl.mode == SOFT_STOP else 0.0
     if ctl.budget < 0.0 and is_on(ctl, OBSERVER):
         note(ctl, OBSERVER)
@@ -344,6 +348,27 @@ def _damp(obs, ctl):
     if brake > 0.0:
         for j in range(JOINTS):
             ctl.tau_damping[j] -= brake * _seen_speed(obs, ctl, j)
+
+
+@kernel
+def _let_go_in_time(obs, ctl):
+    """Damp no harder than can be let go of, at the limited rate of torque, by the time the arm has come to rest.
+
+    Falling evenly to zero, the damping takes half its present power times that time out of the motion. If that is more
+    than there is, the arm turns round before the torque does, and is driven by its own brake.
+    """
+    power, kinetic, ticks = 0.0, 0.0, 0.0
+    for j in range(JOINTS):
+        power -= ctl.tau_damping[j] * obs.dq[j]
+        ticks = max(ticks, abs(ctl.tau_damping[j]) / ctl.tau_step_max[j])
+        for k in range(JOINTS):
+            kinetic += 0.5 * obs.dq[j] * obs.M[j, k] * obs.dq[k]
+    taken, most = 0.5 * power * ticks * TICK_S, _TAKEN_MAX * kinetic
+    if taken > most:
+        note(ctl, TORQUE_RATE)
+        share = math.sqrt(most / taken)
+        for j in range(JOINTS):
+            ctl.tau_damping[j] *= share
 
 
 @kernel

@@ -159,8 +159,12 @@ def _retreat_on(obs, ctl):
         pressed = FORCE
     elif length(ctl.wrench, 3) > ctl.retreat_moment and is_on(ctl, MOMENT):
         pressed = MOMENT
-    if ctl.mode_tick <= ctl.retreat_ticks_max and (pressed != NO_CAUSE or math.sqrt(away) > _ARRIVED_M):
-        return NO_CAUSE
+    if ctl.mode_tick <= ctl.retreat_ticks_max:
+        if math.sqrt(away) > _ARRIVED_M:
+            return NO_CAUSE
+        if pressed != NO_CAUSE:
+            note(ctl, pressed)
+            return NO_CAUSE
     if pressed != NO_CAUSE:
         return pressed
     cause = ctl.cause

@@ -20,8 +20,6 @@ from safety.transparency import check_transparent
 
 # What noise of the measured joints may hide of the true work: at once [J], and each second [W].
 NOISE_J, NOISE_W = 0.01, 0.01
-# The parts of it may be off by more: in an impact 80 N.m meet 0.07 mrad of noise a tick.
-PART_NOISE_J = 0.05
 # What is left of a perfect measurement: rounding, and the curvature of a tick's motion.
 EXACT_J = 1e-6
 
@@ -33,7 +31,7 @@ def check(arena: Arena, trace: Trace) -> list[Finding]:
     found = [
         *check_tank(trace),
         *check_work(trace, config, *noise),
-        *check_ledger(trace, config, PART_NOISE_J if arena.noisy else EXACT_J, noise[1]),
+        *check_ledger(trace, config, *noise, arena.plant.measurement.joint_position_noise_rad),
         *check_torque(trace, arena.rig, config),
         *check_finite(trace),
         *check_silence(trace),

@@ -17,7 +17,8 @@ def check_silence(trace: Trace) -> list[Finding]:
     """
     before, after = trace.before, trace.after
     ticks = np.arange(len(trace))
-    sound = ((before["is_fresh"] | before["is_asked"]) != 0) & (after["is_refused"] == 0)
+    # A plan that was accepted is sound, whatever segment came beside it.
+    sound = (before["is_fresh"] != 0) | ((before["is_asked"] != 0) & (after["is_refused"] == 0))
     asked = np.maximum.accumulate(np.where(sound, ticks, -1))
     patience = after["patience_ticks"][np.maximum(asked, 0)]
     expires = (asked >= 0) & (patience > 0) & (after["mode"] == RUN)

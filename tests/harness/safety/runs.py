@@ -19,7 +19,7 @@ from wrenchflow.control.safeguards import MODES, SAFEGUARDS
 NOISY = ControlConfig(ramp_s=0.2)
 PERFECT = replace(NOISY, nullspace_nm_rad=0.0)
 # The default tank never runs dry in a run; what may be asked for soon empties this one down to its reserve.
-POOR_TANK = {"tank_start_j": 0.05, "tank_max_j": 0.07, "tank_reserve_j": 0.02, "tank_fill_w": 0.005}
+POOR_TANK = {"tank_start_j": 0.08, "tank_max_j": 0.1, "tank_reserve_j": 0.05, "tank_fill_w": 0.005}
 WAITS = 100
 SEARCHED = "searched"
 # What a search makes as bad as it can: energy where there is hardly any, and forces where nothing else is in the way.
