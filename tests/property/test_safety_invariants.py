@@ -8,7 +8,7 @@ import pytest
 from safety.arena import Arena
 from safety.findings import unchecked
 from safety.packets import now_ns, wandering_plan
-from safety.runs import all_runs, all_searches, all_silences, run
+from safety.runs import Run, all_runs, all_searches, all_silences, run
 from safety.scenarios import SCENARIOS, broken_without
 from wrenchflow.control.plan import packet_of
 from wrenchflow.control.safeguards import SAFEGUARDS
@@ -46,6 +46,16 @@ def test_with_a_poor_tank_the_same_runs_break_without_what_guards_energy(adversa
     (each,) = (each for each in QUICK.values() if (each.adversary, each.place, each.poor) == (adversary, "free", True))
     broken = {finding.name for finding in run(replace(each, without=ENERGY)).broken}
     assert {"I1 tank", WORK} <= broken
+
+
+# What the long runs once found. The first: damping that stopped an arm that a hand had hurled could not be let go of in
+# time, and threw it back.
+FOUND = [Run(place="wall", adversary="hand", seed=8041, ticks=1100, noisy=True, poor=True)]
+
+
+@pytest.mark.parametrize("each", FOUND, ids=str)
+def test_what_was_found_once_stays_mended(each):
+    assert [str(finding) for finding in run(each).broken] == []
 
 
 @pytest.mark.slow
