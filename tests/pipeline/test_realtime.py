@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchflow.collect import realtime
+from wrenchflow.collect import realtime, session
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import collect_folder, demonstrate
 from wrenchflow.control.safeguards import MODES
-from wrenchflow.errors import OutputError
+from wrenchflow.errors import ControlError, OutputError
 from wrenchflow.ledger import Ledger
 from wrenchflow.recording.images import images_of
 from wrenchflow.recording.reader import read_episode
@@ -137,6 +137,19 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
     assert len(latched) >= 500
     assert latched[0] + len(latched) == len(governor)  # Once latched, to the end.
     assert moved[-1] < 0.01
+
+
+def test_a_stop_during_the_start_up_checks_is_what_is_told(tmp_path, monkeypatch, unchecked):
+    check_cell = session.check_cell
+
+    def stopped(config, stop):
+        signal.raise_signal(signal.SIGUSR1)
+        return check_cell(config, stop)
+
+    monkeypatch.setattr(session, "check_cell", stopped)
+    with unchecked(), pytest.raises(ControlError, match="emergency stop by SIGUSR1"):
+        list(collect_folder(tmp_path / "raw", CONFIG))
+    assert not (tmp_path / "raw").exists()
 
 
 def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
