@@ -245,9 +245,9 @@ def _request(
 ) -> np.ndarray:
     """A record of what is asked for, made as a whole before any of it is heard. Shape (1,), dtype `REQ`."""
     if index(ticks) < 1:
-        raise ValueError(f"a segment lasts at least 1 tick, got {ticks}.")
+        raise ControlError(f"a segment lasts at least 1 tick, got {ticks}.")
     if not every_s > 0.0:
-        raise ValueError(f"every_s is {every_s:g}, expected above 0; infinity for what does not expire.")
+        raise ControlError(f"every_s is {every_s:g}, expected above 0; infinity for what does not expire.")
     asked = np.zeros(1, REQ)
     req = asked[0]
     R_start, R_stop = _rotation(start), _rotation(stop)
@@ -266,7 +266,7 @@ def _request(
 def _rotation(pose: np.ndarray) -> np.ndarray:
     """The rotation of a pose, or NaN, which the gate refuses, where its quaternion is not of unit length."""
     if np.shape(pose) != (7,):
-        raise ValueError(f"a pose is of shape (7,), got {np.shape(pose)}.")
+        raise ControlError(f"a pose is of shape (7,), got {np.shape(pose)}.")
     is_unit = abs(float(np.linalg.norm(pose[3:])) - 1.0) <= UNIT_TOLERANCE
     return rotation_of(pose[3:]) if is_unit else np.full((3, 3), np.nan)
 
