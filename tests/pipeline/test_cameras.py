@@ -132,9 +132,9 @@ def test_pictures_lie_in_chunks_of_their_own_which_are_not_compressed_again(tmp_
     ("failure", "said"),
     [
         ("breaks", "camera 'eye' failed with RuntimeError: the cable was pulled"),
-        ("crashes", "the process of camera 'eye' died"),
-        ("gives up", "the process of camera 'eye' ended by itself"),
-        ("shrinks", "camera 'eye' gave (10, 64, 3), expected (48, 64, 3)"),
+        pytest.param("crashes", "the process of camera 'eye' died", marks=pytest.mark.slow),
+        pytest.param("gives up", "the process of camera 'eye' ended by itself", marks=pytest.mark.slow),
+        pytest.param("shrinks", "camera 'eye' gave (10, 64, 3), expected (48, 64, 3)", marks=pytest.mark.slow),
     ],
 )
 def test_a_camera_that_fails_is_told_and_disturbs_nothing(tmp_path, failure, said):

@@ -149,6 +149,7 @@ def test_another_seed_gives_other_episodes(chain, wrenchflow, tmp_path):
     assert other.name not in {path.name for path in (chain.folder / "raw").iterdir()}
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_rollouts_on_any_number_of_workers(chain, wrenchflow, tmp_path):
     out = tmp_path / "rollouts"
     assert wrenchflow("deploy", chain.folder / "run", out, "--episodes", 3, "--batch", 2, "--jobs", 2).code == 0

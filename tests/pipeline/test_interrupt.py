@@ -80,13 +80,17 @@ def interrupted(
         time.sleep(0.01)
 
 
+LESS = [(1, True), (2, False)]  # Both are told apart by the other two already.
+
+
 def some(at: Path, pattern: str) -> Callable[[], bool]:
     return lambda: any(at.glob(pattern))
 
 
-@pytest.mark.parametrize("whole_group", [True, False])
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_in_collect(tmp_path, whole_group, jobs):
+@pytest.mark.parametrize(
+    ("jobs", "whole_group"), [(1, False), (2, True), *(pytest.param(*each, marks=pytest.mark.slow) for each in LESS)]
+)
+def test_in_collect(tmp_path, jobs, whole_group):
     collect = ["collect", "raw", "--episodes", 500, "--jobs", jobs]
     interrupted(tmp_path, collect, some(tmp_path, "raw.partial/*.mcap"), whole_group=whole_group)
 
@@ -107,6 +111,7 @@ def many(chain, tmp_path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_in_process(many):
     process = ["process", "raw", "out", "--jobs", 2]
     interrupted(many, process, some(many, "out.partial/*.mcap"), whole_group=True)

@@ -78,6 +78,7 @@ def test_its_page_needs_no_network_and_its_links_lead_somewhere(quickstart):
             assert (out / link).exists(), link
 
 
+@pytest.mark.slow
 def test_it_keeps_what_is_there_unless_told(quickstart, wrenchflow):
     out, first = quickstart
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
