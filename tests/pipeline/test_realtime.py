@@ -134,7 +134,7 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
     assert episode.meta["result"]["failure"] == "stopped: emergency-stop"
     governor, moved = episode["governor"], np.abs(episode["joint_states"].data[:, 7:14]).max(1)
     latched = np.flatnonzero(governor.data[:, 0] == MODES.index("latched"))
-    assert len(latched) >= 500
+    assert 500 <= len(latched) <= 1100  # Half a second, or what was left of the tare.
     assert latched[0] + len(latched) == len(governor)  # Once latched, to the end.
     assert moved[-1] < 0.01
 
