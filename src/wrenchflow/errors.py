@@ -53,6 +53,10 @@ class CameraError(WrenchflowError):
     """A camera that is not there, or gives what it should not."""
 
 
+class DeviceError(WrenchflowError):
+    """A device to move the arm with that is not there, may not be read, or has gone."""
+
+
 class Terminated(KeyboardInterrupt):
     """Somebody asked this process to end (SIGTERM): what Ctrl-C winds up is wound up, and what is known is written."""
 

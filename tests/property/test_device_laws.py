@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchflow.collect.device import TwistMap
-from wrenchflow.collect.emulated_spacemouse import EmulatedSpaceMouse
+from wrenchflow.collect.devices.emulated_spacemouse import EmulatedSpaceMouse
+from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.collect.session import moved
 from wrenchflow.spatial import IDENTITY_POSE, exp_so3, make_pose
 

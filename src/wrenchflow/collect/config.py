@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from wrenchflow.collect.device import TwistMap
+from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig

@@ -12,7 +12,7 @@ import numpy as np
 from wrenchflow import signals
 from wrenchflow.collect.blind_spiral import BlindSpiral
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.emulated_spacemouse import EmulatedSpaceMouse
+from wrenchflow.collect.devices.emulated_spacemouse import EmulatedSpaceMouse
 from wrenchflow.collect.operators import Operator, Perception
 from wrenchflow.collect.peg_by_feel import PegByFeel
 from wrenchflow.collect.sim_camera import Album, views_of, without_what_cannot_be_drawn

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int64
 
-from wrenchflow.collect.device import TwistMap
+from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.spatial import log_so3, rotation_of
 
 

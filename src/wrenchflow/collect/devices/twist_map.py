@@ -1,22 +1,12 @@
-"""What a teleoperation device is, and how its axes become a twist of the target. Real and emulated ones share it."""
+"""How a device's axes become a twist of the target. Real and emulated devices share it."""
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int64
 
 from wrenchflow.errors import ConfigError
-
-
-@runtime_checkable
-class Device(Protocol):
-    """Six axes and two buttons, read without waiting."""
-
-    def read(self) -> tuple[Int64[np.ndarray, " 6"], Int64[np.ndarray, " 2"]]:
-        """The newest report: axis counts and buttons."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
