@@ -5,8 +5,8 @@ import pytest
 
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError, ControlError
+from wrenchflow.sim.reach import joints_at
 from wrenchflow.sim.tasks import NAMES, make_task
-from wrenchflow.sim.tasks.peg_insertion import _solve_joints
 from wrenchflow.sim.tasks.task import Scene
 from wrenchflow.spatial import IDENTITY_POSE, compose, exp_so3, log_so3, make_pose, rotation_of
 
@@ -26,7 +26,7 @@ def contact_at(peg, model, offset_m: float, angle: float, depth_m: float) -> flo
     data = mujoco.MjData(model)
     peg.place(model, data, scene)
     beside = np.array([offset_m * np.cos(angle), offset_m * np.sin(angle), depth_m])
-    data.qpos[:] = _solve_joints(model, compose(scene.T_base_goal, make_pose(beside, np.eye(3))))
+    data.qpos[:] = joints_at(model, compose(scene.T_base_goal, make_pose(beside, np.eye(3))))
     mujoco.mj_forward(model, data)
     return float(-min([0.0, *data.contact.dist]))
 
@@ -72,7 +72,7 @@ def test_pressed_at_an_offset_it_goes_in_only_within_the_capture_radius(
     plant.advance(controller, 2200)
     controller.ask(above, down, ticks=2900, impedance=Impedance())
     plant.advance(controller, 3400)
-    assert (peg.progress(scene, plant.true_tcp_pose) >= 0.9) == goes_in
+    assert (judged(peg, scene, plant.true_tcp_pose).progress >= 0.9) == goes_in
 
 
 def test_scenes_are_drawn_within_their_ranges(peg, peg_model):
@@ -103,7 +103,13 @@ def test_the_arm_starts_above_the_perceived_goal_hardly_tilted(peg, peg_plant):
 
 def test_a_pose_out_of_reach_is_refused(peg_model):
     with pytest.raises(ControlError, match="no joint angles reach the pose"):
-        _solve_joints(peg_model, IDENTITY_POSE + np.array([2.0, 0, 0, 0, 0, 0, 0]))
+        joints_at(peg_model, IDENTITY_POSE + np.array([2.0, 0, 0, 0, 0, 0, 0]))
+
+
+def judged(peg, scene, T_base_tcp):
+    referee = peg.referee(scene)
+    referee.see(T_base_tcp[None], np.zeros((1, 6)))
+    return referee
 
 
 def test_progress_and_failures_have_their_names(peg, peg_model):
@@ -112,13 +118,13 @@ def test_progress_and_failures_have_their_names(peg, peg_model):
     def at(x_m: float, depth_m: float):
         return compose(scene.T_base_goal, make_pose(np.array([x_m, 0.0, depth_m]), np.eye(3)))
 
-    assert peg.progress(scene, at(0.0, -0.01)) == 0.0
-    assert peg.progress(scene, at(0.0, 0.010)) == pytest.approx(0.5)
-    assert peg.progress(scene, at(0.0, 0.025)) == 1.0
-    assert peg.progress(scene, at(0.002, 0.025)) == 0.0  # Beside the hole, depth counts for nothing.
-    assert peg.failure(scene, at(0.0, 0.010)) == "jammed"
-    assert peg.failure(scene, at(0.003, 0.0001)) == "missed"
-    assert peg.failure(scene, at(0.0, -0.03)) == "timeout"
+    assert judged(peg, scene, at(0.0, -0.01)).progress == 0.0
+    assert judged(peg, scene, at(0.0, 0.010)).progress == pytest.approx(0.5)
+    assert judged(peg, scene, at(0.0, 0.025)).progress == 1.0
+    assert judged(peg, scene, at(0.002, 0.025)).progress == 0.0  # Beside the hole, depth counts for nothing.
+    assert judged(peg, scene, at(0.0, 0.010)).failure == "jammed"
+    assert judged(peg, scene, at(0.003, 0.0001)).failure == "missed"
+    assert judged(peg, scene, at(0.0, -0.03)).failure == "timeout"
 
 
 def test_every_task_has_a_name_and_keeps_it():

@@ -102,6 +102,7 @@ class Attempt:
         self.beat = None if beat is None else beat(self)
         # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
         # who tares now has the very samples that who reads the recording has.
+        self._referee, self._watched = task.referee(self.scene), 0
         rows = self._run(round(config.tare_s / TICK_S) + 1)
         half = len(rows) // 2
         self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
@@ -155,6 +156,9 @@ class Attempt:
             if self.plant.count == due:
                 self._glance(self.now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
                 self._glances += 1
+        seen = self.plant.seen[self._watched :]
+        self._referee.see(seen["tcp_pose"], seen["wrench"])
+        self._watched += len(seen)
         return self.plant.rows[first:stop]
 
     def _tick(self, ticks: int) -> None:
@@ -179,15 +183,14 @@ class Attempt:
 
     @property
     def outcome(self) -> Outcome:
-        """How things stand now, by the true pose."""
-        tcp = self.plant.true_tcp_pose
-        progress = self.task.progress(self.scene, tcp)
+        """How things stand now, as the referee sees them."""
+        progress = self._referee.progress
         success = progress >= 1.0
         return Outcome(
             success=success,
             duration_s=self.elapsed_s,
             progress=progress,
-            failure="" if success else self._stopped or self.task.failure(self.scene, tcp),
+            failure="" if success else self._stopped or self._referee.failure,
         )
 
     @property
@@ -197,10 +200,10 @@ class Attempt:
 
     @property
     def over(self) -> bool:
-        """Whether the task is done, its time has run out, or the arm is latched and had the time to come to rest."""
+        """Whether the task is done or lost, its time has run out, or the arm is latched and had the time to rest."""
         if self.elapsed_s >= self.task.time_limit_s or self.controller.latched_s >= _REST_S:
             return True
-        return self.task.progress(self.scene, self.plant.true_tcp_pose) >= 1.0
+        return self._referee.progress >= 1.0 or self._referee.is_lost
 
     @property
     def events(self) -> tuple[Event, ...]:

@@ -15,7 +15,7 @@ class AttemptConfig:
         task: Name of the task.
         episodes: How many attempts.
         seed: Every random number of attempt i comes from (seed, i); `collect` and `deploy` never meet the same scene.
-        rig: Name of a rig that comes with wrenchflow, or path of a rig.toml.
+        rig: Name of a rig that comes with wrenchflow, or path of a rig.toml; without it, the task's own.
         tare_s: Time at rest, without contact, at the start, whose end tells the sensor's bias [s].
         impedance: How stiffly targets are followed.
         control: Limits and gains of the control core.
@@ -24,7 +24,7 @@ class AttemptConfig:
     task: str = "peg-insertion"
     episodes: int = 1
     seed: int = 0
-    rig: str = "panda_peg"
+    rig: str | None = None
     tare_s: float = 1.0
     impedance: Impedance = field(default_factory=Impedance)
     control: ControlConfig = field(default_factory=ControlConfig)

@@ -17,9 +17,10 @@ from wrenchflow.control.records import JOINTS
 from wrenchflow.sim.ft_sensor import SENSOR, read_sensor
 from wrenchflow.sim.memory import floats_at
 from wrenchflow.sim.row import record
-from wrenchflow.so3 import exp_into, multiply_into
+from wrenchflow.so3 import exp_into, multiply_into, quat_into
 
 TICK_NS = 1_000_000
+WATCH_TICKS = np.int64(5)  # A referee looks at every fifth tick.
 EPOCH_NS = 1_577_836_800_000_000_000  # Where virtual time begins, 2020-01-01: no wall time is in any file.
 NOISE_WIDTH = 6 + 4 * JOINTS  # sensor, joint position, joint velocity, torque, external torque
 
@@ -61,6 +62,10 @@ MEASURE = np.dtype(
     ],
     align=True,
 )
+
+
+# What a referee sees: the true TCP pose, and the wrench that the safety layer feels.
+SEEN = np.dtype([("tcp_pose", "f8", 7), ("wrench", "f8", 6)], align=True)
 
 
 def point_to(measure: np.ndarray, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -136,7 +141,24 @@ def observe(measure, white, obs):
 
 
 @kernel
-def advance(measure, white, drawn, obs, req, schedule, ctl, rows, first, count):
+def witness(measure, ctl, seen):
+    """Store what a referee sees of the tick that `read` began, if it is one that is looked at."""
+    tick = measure.tick - 1
+    if tick % WATCH_TICKS != 0:
+        return
+    row = seen[tick // WATCH_TICKS]
+    xpos, xmat, R = floats_at(measure.tcp_xpos, 3), floats_at(measure.tcp_xmat, 9), measure.matrices[0]
+    for i in range(3):
+        row.tcp_pose[i] = xpos[i]
+        for j in range(3):
+            R[i, j] = xmat[3 * i + j]
+    quat_into(R, row.tcp_pose[3:])
+    for i in range(6):
+        row.wrench[i] = ctl.wrench[i]
+
+
+@kernel
+def advance(measure, white, drawn, obs, req, schedule, ctl, rows, seen, first, count):
     """Run `count` ticks of measuring, controlling, stepping and recording, without Python and without the GIL.
 
     Args:
@@ -148,6 +170,7 @@ def advance(measure, white, drawn, obs, req, schedule, ctl, rows, first, count):
         schedule: One `SCHEDULE` record.
         ctl: One `CTL` record.
         rows: Where rows are stored, `ROW` records.
+        seen: Where what a referee sees is stored, `SEEN` records.
         first: Index of the first row to write.
         count: Number of ticks.
     """
@@ -155,4 +178,5 @@ def advance(measure, white, drawn, obs, req, schedule, ctl, rows, first, count):
         read(measure, white, drawn + k, obs)
         impedance.tick(obs[0], req[0], schedule[0], ctl[0])
         record(obs, ctl, rows, first + k)
+        witness(measure[0], ctl[0], seen)
         write(measure, ctl[0].tau)

@@ -11,7 +11,7 @@ from wrenchflow.control.controller import TICK_S, Controller
 from wrenchflow.errors import ControlError
 from wrenchflow.rig import Rig
 from wrenchflow.sim import engine
-from wrenchflow.sim.engine import MEASURE, NOISE_WIDTH
+from wrenchflow.sim.engine import MEASURE, NOISE_WIDTH, SEEN, WATCH_TICKS
 from wrenchflow.sim.ft_sensor import SensorFaults, make_sensor
 from wrenchflow.sim.row import ROW, record
 from wrenchflow.spatial import exp_so3, make_pose
@@ -67,6 +67,7 @@ class Plant:
         self.model, self.data, self.measurement, self._rng = model, data, measurement, rng
         self.rows = np.zeros(round(capacity_s / TICK_S), ROW)
         self.count = 0
+        self._seen = np.zeros(len(self.rows) // WATCH_TICKS + 1, SEEN)
         self._measure = np.zeros(1, MEASURE)
         engine.point_to(self._measure, model, data)
         state = self._measure[0]
@@ -109,6 +110,7 @@ class Plant:
                 controller.schedule,
                 controller.ctl,
                 self.rows,
+                self._seen,
                 self.count,
                 count,
             )
@@ -134,6 +136,11 @@ class Plant:
     def recorded(self) -> np.ndarray:
         """All rows so far, dtype `ROW`, as a view."""
         return self.rows[: self.count]
+
+    @property
+    def seen(self) -> np.ndarray:
+        """What a referee may see of what `advance` did, dtype `SEEN`, as a view: one a `WATCH_TICKS` ticks."""
+        return self._seen[: -(-self.count // WATCH_TICKS)]
 
     @property
     def true_tcp_pose(self) -> Float[np.ndarray, " 7"]:

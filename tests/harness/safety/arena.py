@@ -13,8 +13,8 @@ from wrenchflow.control.controller import Controller
 from wrenchflow.rig import Rig, load_rig
 from wrenchflow.sim.ft_sensor import SensorFaults
 from wrenchflow.sim.plant import Measurement, Plant
+from wrenchflow.sim.reach import joints_at
 from wrenchflow.sim.tasks import scenery
-from wrenchflow.sim.tasks.peg_insertion import _solve_joints
 from wrenchflow.spatial import compose, exp_so3, make_pose
 
 PERFECT = Measurement(
@@ -100,7 +100,7 @@ class Arena:
         scene, data = task.draw(model, rng), mujoco.MjData(model)
         self.T_base_goal = scene.T_base_goal
         start = self.pose_of(np.array(self.place.start_m))
-        task.place(model, data, replace(scene, q_start_rad=_solve_joints(model, start)))
+        task.place(model, data, replace(scene, q_start_rad=joints_at(model, start)))
         if not self.place.block:
             data.mocap_pos[0] = _AWAY_M
             mujoco.mj_forward(model, data)

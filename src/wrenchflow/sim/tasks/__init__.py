@@ -1,13 +1,17 @@
 """The contact tasks, by name."""
 
 from functools import cache
+from importlib import import_module
+from types import MappingProxyType
 from typing import Any
 
 from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.rig import Rig, load_rig
 from wrenchflow.sim.tasks.task import Task
 
-NAMES = ("peg-insertion",)
+# Module and class of each, which are loaded when they are asked for.
+_PLACES = MappingProxyType({"peg-insertion": ("peg_insertion", "PegInsertion")})
+NAMES = tuple(_PLACES)
 
 
 def make_task(name: str) -> Task:
@@ -16,17 +20,20 @@ def make_task(name: str) -> Task:
     Raises:
         ConfigError: If there is none, with the nearest name.
     """
-    if name == "peg-insertion":
-        from wrenchflow.sim.tasks.peg_insertion import PegInsertion
-
-        return PegInsertion()
-    raise ConfigError(unknown("task", name, NAMES))
+    if name not in _PLACES:
+        raise ConfigError(unknown("task", name, NAMES))
+    module, kind = _PLACES[name]
+    return getattr(import_module(f"{__name__}.{module}"), kind)()
 
 
 @cache
-def scenery(task: str, rig: str) -> tuple[Task, Rig, Any]:
-    """A task, a rig and the model of both; one serves every episode of a process, for nothing writes to it."""
+def scenery(task: str, rig: str | None = None) -> tuple[Task, Rig, Any]:
+    """A task, a rig, the task's own if none is named, and the model of both.
+
+    One serves every episode of a process, for nothing writes to it.
+    """
     from wrenchflow.sim.tasks.task import make_model
 
-    made, loaded = make_task(task), load_rig(rig)
+    made = make_task(task)
+    loaded = load_rig(rig or made.rig)
     return made, loaded, make_model(made, loaded)

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wrenchflow.errors import ControlError
 from wrenchflow.rig import Rig
-from wrenchflow.sim.panda import ARM_CONTYPE, READY_RAD, WORLD_CONTYPE, make_arm
+from wrenchflow.sim.panda import ARM_CONTYPE, WORLD_CONTYPE, make_arm
+from wrenchflow.sim.reach import joints_at
 from wrenchflow.sim.tasks.task import Scene
-from wrenchflow.spatial import compose, exp_so3, inverse, log_so3, make_pose, quat_of, rotation_of
+from wrenchflow.spatial import compose, exp_so3, inverse, make_pose, quat_of
 
 _FACETS = 24
 # The goal's frame lies on the hole's mouth with z into the hole, as the tool's does: a half turn about x.
@@ -29,6 +29,9 @@ class PegInsertion:
     """
 
     name: str = "peg-insertion"
+    rig: str = "panda_peg"
+    phases: tuple[str, ...] = ("approach", "land", "search", "insert")
+    failures: tuple[str, ...] = ("jammed", "missed", "timeout")
     time_limit_s: float = 8.0
     peg_radius_m: float = 0.010
     clearance_m: float = 0.00025  # on the radius
@@ -170,7 +173,7 @@ class PegInsertion:
         tilt_rad = rng.uniform(0.0, self.start_tilt_rad)
         tilt = exp_so3(tilt_rad * np.array([math.cos(direction), math.sin(direction), 0.0]))
         start = make_pose(start_m, tilt @ _INTO_HOLE)
-        return Scene(q_start_rad=_solve_joints(model, start), T_base_goal=goal, T_base_goal_perceived=perceived)
+        return Scene(q_start_rad=joints_at(model, start), T_base_goal=goal, T_base_goal_perceived=perceived)
 
     def place(self, model: mujoco.MjModel, data: mujoco.MjData, scene: Scene) -> None:
         """Put the block where the scene has its hole, and the arm at its start."""
@@ -185,35 +188,37 @@ class PegInsertion:
         goal_m = scene.T_base_goal_perceived[:3]
         return goal_m - np.array([_ZONE_M, _ZONE_M, self.hole_depth_m]), goal_m + np.array([_ZONE_M, _ZONE_M, 0.01])
 
-    def _tip(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> Float[np.ndarray, " 3"]:
-        return compose(inverse(scene.T_base_goal), T_base_tcp)[:3]
+    def referee(self, scene: Scene) -> "PegReferee":
+        """Who judges one attempt by the depth of the tip."""
+        return PegReferee(self, scene)
 
-    def progress(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> float:
+
+class PegReferee:
+    """Looks where the tip is: how deep in the hole, and nothing of how it got there."""
+
+    is_lost = False  # A peg can be taken out and tried again.
+
+    def __init__(self, task: PegInsertion, scene: Scene) -> None:
+        """Judge one attempt at a scene."""
+        self._task, self._T_goal_base = task, inverse(scene.T_base_goal)
+        self._tip_m = np.array([0.0, 0.0, -np.inf])
+
+    def see(self, T_base_tcp: Float[np.ndarray, "n 7"], wrench: Float[np.ndarray, "n 6"]) -> None:
+        """Take in what has happened; only the last counts."""
+        if len(T_base_tcp):
+            self._tip_m = compose(self._T_goal_base, T_base_tcp[-1])[:3]
+
+    @property
+    def progress(self) -> float:
         """Depth of the tip in the hole over the depth that counts as inserted, from 0 to 1."""
-        x, y, depth_m = self._tip(scene, T_base_tcp)
-        if math.hypot(x, y) > 3.0 * self.clearance_m:
+        x, y, depth_m = self._tip_m
+        if math.hypot(x, y) > 3.0 * self._task.clearance_m:
             return 0.0
-        return float(np.clip(depth_m / self.success_depth_m, 0.0, 1.0))
+        return min(max(depth_m / self._task.success_depth_m, 0.0), 1.0)
 
-    def failure(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> str:
+    @property
+    def failure(self) -> str:
         """`jammed` with the tip in the hole, `missed` with it on the block, else `timeout`."""
-        if self.progress(scene, T_base_tcp) > 0.05:
+        if self.progress > 0.05:
             return "jammed"
-        return "missed" if self._tip(scene, T_base_tcp)[2] > -0.001 else "timeout"
-
-
-def _solve_joints(model: mujoco.MjModel, T_base_tcp: Float[np.ndarray, " 7"]) -> Float[np.ndarray, " 7"]:
-    """Joint angles [rad] near the ready pose that put the TCP at a pose, by damped least squares."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = READY_RAD
-    site, jacobian, R_goal = model.site("tcp").id, np.zeros((6, model.nv)), rotation_of(T_base_tcp[3:])
-    for _ in range(100):
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        R = data.site_xmat[site].reshape(3, 3)
-        error = np.concatenate([T_base_tcp[:3] - data.site_xpos[site], log_so3(R_goal @ R.T)])
-        if np.abs(error).max() < 1e-10:
-            return data.qpos.copy()
-        mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
-        data.qpos += jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-8 * np.eye(6), error)
-    raise ControlError(f"no joint angles reach the pose {np.round(T_base_tcp, 4).tolist()}.")
+        return "missed" if self._tip_m[2] > -0.001 else "timeout"

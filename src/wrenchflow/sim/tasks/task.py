@@ -1,4 +1,4 @@
-"""What a contact task is: a scene that it adds to the arm, a draw of it, and when it has been done."""
+"""What a contact task is: a scene that it adds to the arm, a draw of it, and who says when it has been done."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -38,12 +38,57 @@ def mjcf_of(task: "Task", rig: Rig) -> str:
 
 
 @runtime_checkable
+class Referee(Protocol):
+    """Watches one attempt, by what is true and not by what is measured, and says how it stands."""
+
+    def see(self, T_base_tcp: Float[np.ndarray, "n 7"], wrench: Float[np.ndarray, "n 6"]) -> None:
+        """Take in what has happened, two hundred times a second.
+
+        Args:
+            T_base_tcp: True TCP poses. Shape (n, 7).
+            wrench: What the tool exerts, tared and low-passed at 50 Hz, about the TCP in base axes [N, N.m]. Shape
+                (n, 6).
+        """
+        ...
+
+    @property
+    def progress(self) -> float:
+        """How far the task is done, from 0 to 1; 1 is success."""
+        ...
+
+    @property
+    def failure(self) -> str:
+        """What the attempt has failed by, if it ends now without success; one of the task's `failures`."""
+        ...
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it cannot succeed any more, so that there is no use in going on."""
+        ...
+
+
+@runtime_checkable
 class Task(Protocol):
     """A contact task in simulation."""
 
     @property
     def name(self) -> str:
         """Name of the task, as the command line takes it."""
+        ...
+
+    @property
+    def rig(self) -> str:
+        """Name of the rig that holds the task's tool, where nobody names another."""
+        ...
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """What is done one after the other, some of it perhaps again; operators number their phases by these."""
+        ...
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """All that an attempt can fail by."""
         ...
 
     @property
@@ -69,10 +114,6 @@ class Task(Protocol):
         """
         ...
 
-    def progress(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> float:
-        """How far the task is done at a true TCP pose, from 0 to 1; 1 is success."""
-        ...
-
-    def failure(self, scene: Scene, T_base_tcp: Float[np.ndarray, " 7"]) -> str:
-        """Name of the failure when time has run out at a true TCP pose."""
+    def referee(self, scene: Scene) -> Referee:
+        """Who judges one attempt at a scene."""
         ...
