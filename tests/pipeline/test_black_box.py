@@ -70,9 +70,9 @@ def the_only(folder: Path) -> Path:
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("by hand"), KeyboardInterrupt()])
 def test_an_operator_that_raises(tmp_path, monkeypatch, unchecked, whole, error):
-    from wrenchflow.collect.peg_by_feel import PegByFeel
+    from wrenchflow.collect.scripted import Scripted
 
-    fail_in(monkeypatch, PegByFeel, "want", error, after=300)
+    fail_in(monkeypatch, Scripted, "want", error, after=300)
     with unchecked(), pytest.raises(type(error)) as raised:
         list(collect_folder(tmp_path / "raw", CONFIG))
     path = the_only(tmp_path / "raw.blackbox")

@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from wrenchflow.collect.approach import Approach
 from wrenchflow.collect.operators import Perception
-from wrenchflow.collect.peg_by_feel import insert
 from wrenchflow.control.config import Impedance
 
 
@@ -79,3 +78,10 @@ class BlindSpiral:
         wanted[:2] += radius_m * np.array([cos, sin]) + self._lead_m * along
         wanted[2] -= self._press_m
         return wanted, "search"
+
+
+def insert(perception: Perception, lead_m: float) -> Float[np.ndarray, " 7"]:
+    """A target straight down the hole: sideways it is where the peg is, so that the walls may centre it."""
+    wanted = np.concatenate([perception.tcp_pose[:3], perception.goal_pose[3:]])
+    wanted[2] -= lead_m
+    return wanted

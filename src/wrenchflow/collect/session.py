@@ -14,7 +14,7 @@ from wrenchflow.collect.blind_spiral import BlindSpiral
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.devices.emulated_spacemouse import EmulatedSpaceMouse
 from wrenchflow.collect.operators import Operator, Perception
-from wrenchflow.collect.peg_by_feel import PegByFeel
+from wrenchflow.collect.scripted import Scripted
 from wrenchflow.collect.sim_camera import Album, views_of, without_what_cannot_be_drawn
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
@@ -31,7 +31,7 @@ from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.startup import check_cell
 from wrenchflow.sim.streams import ROWS, streams_of
-from wrenchflow.sim.tasks import scenery
+from wrenchflow.sim.tasks import make_task, scenery
 from wrenchflow.sim.tasks.task import mjcf_of
 from wrenchflow.spatial import exp_so3, make_pose, rotation_of
 
@@ -66,7 +66,7 @@ def make_operator(name: str, config: CollectConfig) -> Operator:
         ConfigError: If there is none, with the nearest name.
     """
     if name == "scripted":
-        return PegByFeel(impedance=config.impedance)
+        return Scripted(config.task, make_task(config.task).phases, config.impedance)
     if name == "blind-spiral":
         return BlindSpiral(config.impedance, period_s=1.0 / config.device_hz)
     raise ConfigError(unknown("operator", name, OPERATORS))
