@@ -178,7 +178,7 @@ def test_an_attempt_ends_at_its_time_limit_with_the_name_of_its_failure(peg, peg
     assert not attempt.over
     assert attempt.elapsed_s == pytest.approx(0.001)  # The tick whose force came after the tare.
     while not attempt.over:
-        attempt.advance(attempt.target_pose, 200)
+        attempt.follow(200)
     assert attempt.elapsed_s == pytest.approx(8.001)
     outcome = attempt.outcome
     assert (outcome.success, outcome.failure, outcome.progress) == (False, "timeout", 0.0)

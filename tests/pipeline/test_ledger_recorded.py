@@ -17,7 +17,7 @@ from wrenchflow.sim.config import AttemptConfig
 def episode(peg, peg_model, rig):
     """An attempt of a second, whose rows say that it waited, ran on the leash, and was held."""
     attempt = Attempt(peg, peg_model, rig, AttemptConfig(tare_s=0.5), seed=(0, 1))
-    attempt.advance(attempt.target_pose, 499)
+    attempt.follow(499)
     governor = attempt.plant.recorded["governor"]
     governor[:] = 0.0
     columns = {name: governor[:, k] for k, name in enumerate(GOVERNOR.columns)}

@@ -40,6 +40,7 @@ class CollectConfig(AttemptConfig):
     Attributes:
         episodes: How many attempts are recorded.
         operator: Who demonstrates.
+        profiles: The people who take turns as the emulated operator, such as `steady novice`; without any, all.
         device_hz: Reports of the device a second.
         disturbance_m: Standard deviation of a slow disturbance of the tracked reference, which shows how errors are
             put right [m]; recorded targets are without it.
@@ -54,6 +55,7 @@ class CollectConfig(AttemptConfig):
 
     episodes: int = 10
     operator: str = "scripted"
+    profiles: tuple[str, ...] = ()
     device_hz: int = 200
     disturbance_m: float = 0.0003
     disturbance_s: float = 0.2

@@ -12,7 +12,7 @@ import numpy as np
 from wrenchflow import signals
 from wrenchflow.camera import View
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import Demonstration, Session, make_operator
+from wrenchflow.collect.session import Demonstration, Session, known_of
 from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
@@ -79,7 +79,7 @@ def demonstrate_in_real_time(
             nonlocal beat
             if stop is not None:
                 stop.stops(attempt.controller.stop)
-            known = {"operator": config.operator, "collect": to_mapping(config)}
+            known = known_of(config, index)
             attachments = attempt.attachments(known)
             control, cameras, taps = CONTROL, [], {}
             if views:
@@ -109,14 +109,15 @@ def demonstrate_in_real_time(
 
         attempt = Attempt(task, model, rig, config, seed=(config.seed, index, DEMONSTRATE), beat=begin)
         assert beat is not None  # An attempt begins its beat before its first tick.
-        session = Session(attempt, make_operator(config.operator, config), config)
+        session = Session(attempt, config)
         beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
         while not attempt.over and beat.recorder.is_alive:
             session.period()
-            t_ns, joy, twist = session.report
-            beat.store(DEVICE, t_ns, **{"teleop/joy": joy, "teleop/twist": twist})
+            report = session.report
+            said = {name: report[name] for name in ("teleop/joy", "teleop/twist")}
+            beat.store(DEVICE, int(report["t_ns"]), **said)
         if not beat.recorder.is_alive:
-            attempt.advance(attempt.target_pose, _HOLD_TICKS)
+            attempt.follow(_HOLD_TICKS)
         for event in sorted((*attempt.events, *session.phases())):
             beat.recorder.event(event.moved(beat.offset_ns))
         result = {**to_mapping(attempt.outcome), "late_ticks": beat.late}

@@ -10,32 +10,26 @@ from typing import Any
 import numpy as np
 
 from wrenchflow import signals
-from wrenchflow.collect.blind_spiral import BlindSpiral
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.devices.emulated_spacemouse import EmulatedSpaceMouse
-from wrenchflow.collect.operators import Operator, Perception
-from wrenchflow.collect.scripted import Scripted
+from wrenchflow.collect.devices.device import TeleopDevice
+from wrenchflow.collect.follow import PERIOD, Follower, note
+from wrenchflow.collect.hand_driver import HandDriver
+from wrenchflow.collect.operators_table import make_driver, require_operator
+from wrenchflow.collect.profiles import person_of
 from wrenchflow.collect.sim_camera import Album, views_of, without_what_cannot_be_drawn
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
 from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import ConfigError, unknown
-from wrenchflow.filtering import window_mean
 from wrenchflow.manifest import KEEP, output_folder, write_manifest
-from wrenchflow.observation import MEAN_NS
-from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
 from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
 from wrenchflow.sim.startup import check_cell
-from wrenchflow.sim.streams import ROWS, streams_of
-from wrenchflow.sim.tasks import make_task, scenery
+from wrenchflow.sim.streams import ROWS
+from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
-from wrenchflow.spatial import exp_so3, make_pose, rotation_of
-
-OPERATORS = ("scripted", "blind-spiral")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,19 +53,6 @@ class Demonstration:
     problems: tuple[str, ...] = ()
 
 
-def make_operator(name: str, config: CollectConfig) -> Operator:
-    """The operator of a name, for the task of `config`.
-
-    Raises:
-        ConfigError: If there is none, with the nearest name.
-    """
-    if name == "scripted":
-        return Scripted(config.task, make_task(config.task).phases, config.impedance)
-    if name == "blind-spiral":
-        return BlindSpiral(config.impedance, period_s=1.0 / config.device_hz)
-    raise ConfigError(unknown("operator", name, OPERATORS))
-
-
 def demonstrate(
     index: int,
     config: CollectConfig,
@@ -90,7 +71,6 @@ def demonstrate(
         without: Safeguards that are left out, to see what each is worth.
     """
     task, rig, model = scenery(config.task, config.rig)
-    operator = make_operator(config.operator, config)
     views = views_of(config, rig)
     album = Album(views)
     attempt = Attempt(
@@ -104,98 +84,108 @@ def demonstrate(
         keep=box.rows if box else None,
         without=without,
     )
-    session = Session(attempt, operator, config)
+    session = Session(attempt, config)
     known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
 
     def so_far() -> Episode:
         name = episode_id(config.task, config.seed, index)
-        return attempt.episode(name, session.streams(), session.phases(), **_known(config), **known)
+        return attempt.episode(name, session.streams(), session.phases(), **known_of(config, index), **known)
 
     if box is not None:
         box.tell = so_far
-    while not attempt.over:
-        session.period()
+    session.run()
     return replace(so_far(), messages=album.draw(mjcf_of(task, rig) if views else ""))
 
 
-def _known(config: CollectConfig) -> dict[str, Any]:
+def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
     """What is known of an attempt by who runs it, before it begins."""
-    return {"operator": config.operator, "collect": to_mapping(config)}
+    known = {"operator": config.operator, "collect": to_mapping(config)}
+    if config.operator != "emulated":
+        return known
+    name, person = person_of(config, index)
+    return {**known, "person": {"profile": name, **to_mapping(person)}}
 
 
 class Session:
-    """One attempt with an operator at the device: what they feel, what the device reports, where the target goes."""
+    """One attempt with somebody who drives: what the device reports, where the target goes, and what is kept of it."""
 
-    def __init__(self, attempt: Attempt, operator: Operator, config: CollectConfig) -> None:
-        self._attempt, self._operator, self._config = attempt, operator, config
-        self._feel = LiveWrench(streams_of(attempt.plant.recorded), attempt.tare, attempt.rig)
-        self._period_s = 1.0 / config.device_hz
-        self._ticks = round(self._period_s / TICK_S)
-        self._device = EmulatedSpaceMouse(config.twist_map, self._period_s)
-        self._disturbance_m = np.zeros(3)
-        self._t: list[int] = []
-        self._joy: list[np.ndarray] = []
-        self._twist: list[np.ndarray] = []
-        self._phases: list[tuple[int, str]] = []
+    def __init__(self, attempt: Attempt, config: CollectConfig, device: TeleopDevice | None = None) -> None:
+        """Begin after the tare.
 
-    def period(self) -> None:
-        """One report of the device: see, feel, decide, deflect, integrate the target, let the arm follow."""
-        attempt, row = self._attempt, self._attempt.plant.recorded[-1]
-        now_ns = int(row["t_ns"]) + round(TICK_S * 1e9)
-        wanted, phase = self._operator.want(self._perceive(row))
-        self._device.deflect(wanted, attempt.target_pose)
-        counts, buttons = self._device.read()
-        twist = self._config.twist_map.twist(counts)
-        self._t.append(now_ns)
-        self._joy.append(np.concatenate([counts, buttons]).astype(np.float64))
-        self._twist.append(twist)
-        if not self._phases or self._phases[-1][1] != phase:
-            self._phases.append((now_ns, phase))
-        first = attempt.plant.count
-        attempt.advance(moved(attempt.target_pose, twist, self._period_s), self._ticks, self._disturb(), self._period_s)
-        self._feel.push(*attempt.samples_since(first))
+        Args:
+            attempt: Tared.
+            config: Who drives, by what map, how often.
+            device: What a person drives with; without it the operator of `config` does.
 
-    def _perceive(self, row: np.void) -> Perception:
-        felt = self._feel.tail
-        return Perception(
-            t_s=self._attempt.elapsed_s,
-            tcp_pose=row["tcp_pose"],
-            goal_pose=self._attempt.scene.T_base_goal_perceived,
-            wrench=felt.data[-1],
-            wrench_mean=window_mean(felt.t, felt.data, felt.t[-1:], MEAN_NS)[0],
+        Raises:
+            ConfigError: If there is no such operator.
+            CalibrationError: If the arm did not rest during the tare, or something touched it.
+        """
+        self._attempt = attempt
+        self._ticks = round(1.0 / config.device_hz / TICK_S)
+        self._periods = np.zeros(-(-(len(attempt.plant.rows) - attempt.plant.count) // self._ticks), PERIOD)
+        self._count = 0
+        self._driver = make_driver(attempt, config, self._periods, device)
+        self._follower = Follower(
+            config.twist_map,
+            attempt.impedance,
+            attempt.controller.target_pose,
+            full_scale_counts=self._driver.full_scale_counts,
+            ticks=self._ticks,
         )
 
-    def _disturb(self) -> np.ndarray:
-        # An Ornstein-Uhlenbeck process: the demonstrations then show how to come back from where no operator would go.
-        keep = np.exp(-self._period_s / self._config.disturbance_s)
-        fresh = self._attempt.rng.normal(size=3) * self._config.disturbance_m * np.sqrt(1.0 - keep**2)
-        self._disturbance_m = keep * self._disturbance_m + fresh
-        return self._disturbance_m
+    def run(self) -> None:
+        """Go on to the end, as fast as possible."""
+        is_fast = isinstance(self._driver, HandDriver) and self._attempt.is_free
+        while not self._attempt.over:
+            if is_fast:
+                self._stretch(self._driver)
+            else:
+                self.period()
+
+    def _stretch(self, driver: HandDriver) -> None:
+        """Some periods at once, to the bit as one by one; the last of them is one at which the attempt may be over."""
+        self._attempt.follow(self._ticks, driver.driving(self._follower))
+        self._count += 1
+
+    def period(self) -> None:
+        """One report of the device: read it, move the target by it, let the arm follow."""
+        attempt = self._attempt
+        first = attempt.plant.count
+        phase = self._driver.decide(attempt, self._follower, attempt.now_ns)
+        note(self._follower.record[0], phase, self._periods[self._count])
+        self._count += 1
+        attempt.follow(self._ticks)
+        self._driver.look_back(attempt, first)
 
     @property
-    def report(self) -> tuple[int, np.ndarray, np.ndarray]:
-        """The device's last report: its stamp [ns], axes and buttons, and the twist that they stand for."""
-        return self._t[-1], self._joy[-1], self._twist[-1]
+    def problem(self) -> str:
+        """Why the arm does not follow the device now; empty if it does."""
+        return self._follower.problem
+
+    @property
+    def report(self) -> np.void:
+        """The last period, a `PERIOD` record."""
+        return self._periods[self._count - 1]
 
     def streams(self) -> dict[str, Stream]:
         """What the device reported."""
-        t = np.array(self._t, np.int64)
+        done = self._periods[: self._count]
+        joy, twist = done["teleop/joy"].copy(), done["teleop/twist"].copy()
         return {
-            "teleop/joy": Stream(t, np.array(self._joy).reshape(-1, signals.JOY.width), signals.JOY, "device"),
-            "teleop/twist": Stream(t, np.array(self._twist).reshape(-1, signals.TWIST.width), signals.TWIST, "base"),
+            "teleop/joy": Stream(done["t_ns"].copy(), joy, signals.JOY, "device"),
+            "teleop/twist": Stream(done["t_ns"].copy(), twist, signals.TWIST, "base"),
         }
 
     def phases(self) -> list[Event]:
-        """What the operator thought to be doing, and when."""
-        end_ns = int(self._attempt.plant.recorded[-1]["t_ns"])
-        edges = pairwise([*self._phases, (end_ns, "")])
-        return [Event(start_ns, stop_ns, "phase", name) for (start_ns, name), (stop_ns, _) in edges]
-
-
-def moved(target: np.ndarray, twist: np.ndarray, duration_s: float) -> np.ndarray:
-    """A target pose moved by a twist in the base frame; a device integrates the target, never the measured pose."""
-    rotation = exp_so3(twist[3:] * duration_s) @ rotation_of(target[3:])
-    return make_pose(target[:3] + twist[:3] * duration_s, rotation)
+        """What the operator thought to be doing, and when; nothing of people, who do not say."""
+        done, names = self._periods[: self._count], self._attempt.task.phases
+        if not len(done) or done["phase"][0] < 0:
+            return []
+        starts = [0, *(np.flatnonzero(np.diff(done["phase"])) + 1)]
+        edges = [*(int(done["t_ns"][i]) for i in starts), int(self._attempt.plant.recorded[-1]["t_ns"])]
+        labels = [names[done["phase"][i]] for i in starts]
+        return [Event(*span, "phase", label) for span, label in zip(pairwise(edges), labels, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -208,7 +198,7 @@ class _Record:
 
     def __call__(self, index: int) -> Demonstration:
         config, name = self.config, episode_id(self.config.task, self.config.seed, index)
-        with BlackBox(self.boxes, ROWS, id=name, task=config.task, meta=_known(config)) as box:
+        with BlackBox(self.boxes, ROWS, id=name, task=config.task, meta=known_of(config, index)) as box:
             episode = demonstrate(index, config, box=box)
             write_episode(self.folder / f"{name}.mcap", episode, config.compression)
         outcome = Outcome(**episode.meta["result"])
@@ -235,7 +225,7 @@ def collect_folder(
     _, rig, _ = scenery(config.task, config.rig)
     config = without_what_cannot_be_drawn(config)
     views_of(config, rig)
-    make_operator(config.operator, config)
+    require_operator(config)
     with output_folder(out, overwrite=overwrite) as folder:
         startup = None if config.realtime or config.live else check_cell(config)
         if config.realtime or config.live:

@@ -9,7 +9,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
 
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS, TICK_S, Controller
@@ -20,7 +19,7 @@ from wrenchflow.messages import Attachment
 from wrenchflow.rig import Rig
 from wrenchflow.signals import GOVERNOR, POSE
 from wrenchflow.sim.config import AttemptConfig
-from wrenchflow.sim.plant import Measurement, Plant
+from wrenchflow.sim.plant import Drive, Measurement, Plant
 from wrenchflow.sim.state import looks_of, model_bytes, state_of
 from wrenchflow.sim.streams import streams_of
 from wrenchflow.sim.tasks.task import Scene, Task, mjcf_of
@@ -35,8 +34,9 @@ _MARGIN_S = 1.0  # The last step may end after the time limit.
 _REST_S = 0.5  # So long an arm that is latched is still recorded.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
 MJCF, MODEL = "model.xml", "model.mjb.gz"
-# Last number of an attempt's seed: evaluation never meets a scene that was demonstrated, nor either the start's check.
-DEMONSTRATE, EVALUATE, CHECK = range(3)
+# Last number of a seed: evaluation never meets a scene that was demonstrated, nor either the start's check, and who is
+# demonstrating is drawn apart.
+DEMONSTRATE, EVALUATE, CHECK, PERSON = range(4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Outcome:
 
 
 class Attempt:
-    """A task drawn from a seed, with the arm at rest at its start; whoever acts on it calls `advance`."""
+    """A task drawn from a seed, with the arm at rest at its start; whoever acts on it asks its controller."""
 
     def __init__(
         self,
@@ -107,26 +107,6 @@ class Attempt:
         half = len(rows) // 2
         self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
         self.start_ns = self.tare.stop_ns
-        self.target_pose: Float[np.ndarray, " 7"] = self.controller.target_pose
-
-    def advance(
-        self,
-        target: Float[np.ndarray, " 7"],
-        ticks: int,
-        disturbance_m: Float[np.ndarray, " 3"] | None = None,
-        every_s: float = math.inf,
-    ) -> np.ndarray:
-        """Move the target to `target` in a straight segment of `ticks` ticks; returns the new rows."""
-        self.controller.ask(
-            self.target_pose,
-            target,
-            ticks=ticks,
-            impedance=self.impedance,
-            disturbance_m=disturbance_m,
-            every_s=every_s,
-        )
-        self.target_pose = target
-        return self._run(ticks)
 
     def accept(self, packet: np.ndarray) -> str:
         """Take in a plan before the next tick: what becomes of it, by `Controller.accept`."""
@@ -135,21 +115,32 @@ class Attempt:
             self._refusals.append((self.now_ns, reason))
         return reason
 
-    def follow(self, ticks: int) -> np.ndarray:
-        """Let the arm follow what it was asked for; returns the new rows."""
-        return self._run(ticks)
+    def follow(self, ticks: int, drive: Drive | None = None) -> np.ndarray:
+        """Let the arm follow what it was asked for; returns the new rows.
+
+        Args:
+            ticks: How many.
+            drive: Runs them in place of `sim.engine.advance`, with the same arguments, and may ask meanwhile; only
+                where `is_free`.
+        """
+        return self._run(ticks, drive)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing has to happen between ticks: no beat and no pictures."""
+        return self.beat is None and self._glance is None
 
     @property
     def now_ns(self) -> int:
         """Stamp of the next tick."""
         return int(self.plant.recorded[-1]["t_ns"]) + TICK_NS
 
-    def _run(self, ticks: int) -> np.ndarray:
+    def _run(self, ticks: int, drive: Drive | None = None) -> np.ndarray:
         first = self.plant.count
         stop = first + ticks
         while self.plant.count < stop:
             if self._glance is None:
-                self._tick(stop - self.plant.count)
+                self._tick(stop - self.plant.count, drive)
                 continue
             due = tick_of_picture(self._glances, self._glance_hz)
             self._tick(min(due, stop) - self.plant.count)
@@ -161,9 +152,9 @@ class Attempt:
         self._watched += len(seen)
         return self.plant.rows[first:stop]
 
-    def _tick(self, ticks: int) -> None:
+    def _tick(self, ticks: int, drive: Drive | None = None) -> None:
         if self.beat is None:
-            self.plant.advance(self.controller, ticks)
+            self.plant.advance(self.controller, ticks, drive)
             return
         for _ in range(ticks):
             self.beat(self.plant.advance(self.controller, 1))

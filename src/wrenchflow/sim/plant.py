@@ -1,5 +1,6 @@
 """A simulated arm in its scene: a `Robot` for the protocol, and a batch loop for speed. Both run the same kernels."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import mujoco
@@ -17,6 +18,8 @@ from wrenchflow.sim.row import ROW, record
 from wrenchflow.spatial import exp_so3, make_pose
 
 _NOISE_BLOCK_TICKS = 512
+# Runs ticks, with the arguments of `engine.advance`.
+Drive = Callable[..., None]
 CHUNK_TICKS = 1000  # A compiled chunk does not hear Ctrl-C, so none is longer than a second.
 
 
@@ -85,12 +88,13 @@ class Plant:
         self._measure["tick"] = 0
         controller.start(impedance)
 
-    def advance(self, controller: Controller, ticks: int) -> np.ndarray:
+    def advance(self, controller: Controller, ticks: int, drive: Drive | None = None) -> np.ndarray:
         """Run `ticks` ticks of the controller on the arm, recorded.
 
         Args:
             controller: Whose request stays as it is meanwhile.
             ticks: How many.
+            drive: Runs them in place of `engine.advance`, and may change the controller's request meanwhile.
 
         Returns:
             The new rows, dtype `ROW`, as a view.
@@ -102,7 +106,7 @@ class Plant:
         first = self.count
         for start in range(0, ticks, CHUNK_TICKS):
             count = min(CHUNK_TICKS, ticks - start)
-            engine.advance(
+            (drive or engine.advance)(
                 self._measure,
                 *self._noise(count),
                 controller.obs,

@@ -1,50 +1,53 @@
-"""How a device's axes become a twist of the target. Real and emulated devices share it."""
+"""How a device's axes become a twist of the target, as a person sets it; `collect.follow` does it."""
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
-import numpy as np
-from jaxtyping import Float, Int64
-
+from wrenchflow.config import require_positive
 from wrenchflow.errors import ConfigError
+
+Axis = Literal["x", "y", "z", "rx", "ry", "rz", "-x", "-y", "-z", "-rx", "-ry", "-rz"]
+AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, kw_only=True)
 class TwistMap:
-    """From axis counts to a twist of the target in the base frame, and back.
+    """From axis counts to a twist of the target in the base frame.
 
-    A deadzone keeps a resting hand still; past it the twist grows in proportion from zero, so the map can be inverted.
+    Attributes:
+        deadzone: Share of the full scale in which a resting hand moves nothing; past it speed grows from zero.
+        linear_max_m_s: Speed at full deflection [m/s].
+        angular_max_rad_s: The same for turning [rad/s].
+        axes: Which of the device's axes moves x y z rx ry rz of the target, with a minus to turn it round; the usual
+            order is for a person who stands behind the arm.
+        dead_man_s: A device that is deflected and says nothing for so long moves nothing any more [s].
     """
 
-    full_scale_counts: int = 350
-    deadzone: float = 0.05  # share of the full scale
+    deadzone: float = 0.05
     linear_max_m_s: float = 0.20
     angular_max_rad_s: float = 0.8
+    axes: tuple[Axis, Axis, Axis, Axis, Axis, Axis] = ("x", "y", "z", "rx", "ry", "rz")
+    dead_man_s: float = 0.1
 
     def __post_init__(self) -> None:
-        if self.full_scale_counts < 1 or not 0.0 <= self.deadzone < 1.0:
-            raise ConfigError(
-                f"a twist map takes full_scale_counts of 1 or more and a deadzone from 0 to below 1, got "
-                f"{self.full_scale_counts} and {self.deadzone:g}."
-            )
+        if not 0.0 <= self.deadzone < 1.0:
+            raise ConfigError(f"a twist map takes a deadzone from 0 to below 1, got {self.deadzone:g}.")
         if not (0.0 < self.linear_max_m_s < math.inf and 0.0 < self.angular_max_rad_s < math.inf):
             raise ConfigError(
                 f"a twist map takes speeds above 0, got {self.linear_max_m_s:g} m/s and "
                 f"{self.angular_max_rad_s:g} rad/s."
             )
+        require_positive(dead_man_s=self.dead_man_s)
+        if sorted(self.axis_numbers) != list(range(6)):
+            raise ConfigError(f"a twist map takes each of {', '.join(AXES)} once, got {', '.join(self.axes)}.")
 
     @property
-    def _limits(self) -> Float[np.ndarray, " 6"]:
-        return np.repeat([self.linear_max_m_s, self.angular_max_rad_s], 3)
+    def axis_numbers(self) -> list[int]:
+        """Number of the device's axis that moves axis i of the twist."""
+        return [AXES.index(axis.removeprefix("-")) for axis in self.axes]
 
-    def twist(self, counts: Int64[np.ndarray, " 6"]) -> Float[np.ndarray, " 6"]:
-        """Twist [m/s, rad/s] that axis counts stand for."""
-        share = np.clip(counts / self.full_scale_counts, -1.0, 1.0)
-        past = np.maximum(np.abs(share) - self.deadzone, 0.0) / (1.0 - self.deadzone)
-        return np.sign(share) * past * self._limits
-
-    def counts(self, twist: Float[np.ndarray, " 6"]) -> Int64[np.ndarray, " 6"]:
-        """Axis counts, whole and within the full scale, whose twist is nearest to `twist`."""
-        past = np.clip(np.abs(twist) / self._limits, 0.0, 1.0)
-        share = np.where(past > 0.0, self.deadzone + past * (1.0 - self.deadzone), 0.0)
-        return np.rint(np.sign(twist) * share * self.full_scale_counts).astype(np.int64)
+    @property
+    def axis_signs(self) -> list[float]:
+        """1 or -1 each."""
+        return [-1.0 if axis.startswith("-") else 1.0 for axis in self.axes]

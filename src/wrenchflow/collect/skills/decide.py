@@ -17,6 +17,7 @@ _SKILLS = MappingProxyType({"peg-insertion": (_PEG, peg.TRAITS)})
 @kernel
 def want(number, skill, seen, wanted):
     """Decide, in the goal's axes; records `SKILL`, `PERCEIVED` and `WANTED`."""
+    wanted.is_reach = 0
     if number == _PEG:
         peg.want(skill, seen, wanted)
 

@@ -28,6 +28,8 @@ WANTED = record_dtype(
         ("x", "f8", 3),
         ("turn", "f8", 3),  # rotation vector from the goal's axes to the wanted ones [rad]
         ("phase", "i8"),  # of the task's `phases`
+        ("is_reach", "i8"),  # the way there is free, so a person goes to `aim` in one movement
+        ("aim", "f8", 3),
         ("vector", "f8", 3),  # what a skill works with
     ]
 )
@@ -79,6 +81,8 @@ def approach(skill, seen, wanted, aim_x, aim_y):
     lowest = min(floor, height) - skill.landing_m_s * skill.lag_s
     wanted.x[2] = -max(height - speed * skill.lag_s, lowest)
     stay_level(wanted)
+    wanted.is_reach = height > skill.hover_m
+    wanted.aim[0], wanted.aim[1], wanted.aim[2] = aim_x, aim_y, -0.5 * skill.hover_m
     return height > skill.hover_m
 
 

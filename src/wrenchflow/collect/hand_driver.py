@@ -1,0 +1,45 @@
+"""The emulated person as a driver: the compiled hand, a period at a time, or many where nothing else has to happen."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from wrenchflow.collect.devices.emulated_spacemouse import FULL_SCALE_COUNTS
+from wrenchflow.collect.follow import Follower
+from wrenchflow.collect.hand import WHITE_WIDTH
+from wrenchflow.collect.hand_loop import decide, drive
+from wrenchflow.sim.attempt import Attempt
+from wrenchflow.spatial import rotation_of
+
+
+class HandDriver:
+    """A hand at the emulated SpaceMouse."""
+
+    full_scale_counts = FULL_SCALE_COUNTS
+
+    def __init__(self, attempt: Attempt, hand: np.ndarray, periods: np.ndarray) -> None:
+        """Put a hand before an arm.
+
+        Args:
+            attempt: Tared.
+            hand: Who it is, one `HAND` record. Shape (1,); what goes on in it is kept here.
+            periods: Where periods are noted, `PERIOD` records.
+        """
+        self._hand, self._periods = hand, periods
+        goal = attempt.scene.T_base_goal_perceived
+        hand["goal_x"], hand["goal_R"] = goal[:3], rotation_of(goal[3:])
+        self._white = attempt.rng.standard_normal((len(periods), WHITE_WIDTH))
+
+    def decide(self, attempt: Attempt, follower: Follower, now_ns: int) -> int:
+        """One period: see, feel, decide, deflect."""
+        core = attempt.controller
+        decide(self._hand, self._white, follower.record, core.obs, core.req, core.ctl)
+        return int(self._hand[0]["wanted"]["phase"])
+
+    def look_back(self, attempt: Attempt, first: int) -> None:
+        """The hand feels by itself."""
+
+    def driving(self, follower: Follower) -> Callable[..., None]:
+        """What `Attempt.follow` may be given in place of the bare loop, to run many periods at once."""
+        return partial(drive, self._hand, self._white, follower.record, self._periods)
