@@ -9,6 +9,9 @@ from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
 
 
+TIMED = ("scripted", "blind-spiral")  # They are judged by the time that a policy has.
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
     """Pictures of a camera.
@@ -65,6 +68,11 @@ class CollectConfig(AttemptConfig):
     cameras: tuple[str, ...] = ()
     camera: CameraConfig = field(default_factory=CameraConfig)
     twist_map: TwistMap = field(default_factory=TwistMap)
+
+    @property
+    def patience(self) -> float:
+        """How long an attempt may last, over the task's own time limit: people are given three times as long."""
+        return 1.0 if self.operator in TIMED else 3.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

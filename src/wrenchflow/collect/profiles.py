@@ -32,6 +32,7 @@ class Profile:
         eye_m: Of where the goal seems to be, besides the scene's own error [m].
         stroke_miss: Standard deviation of where a stroke ends over its length.
         stroke_rest_s: Between two strokes [s].
+        bow: How far a stroke goes aside, over its length; everybody has a side of their own.
     """
 
     pace: float = 1.0
@@ -47,14 +48,15 @@ class Profile:
     eye_m: float = 0.0002
     stroke_miss: float = 0.06
     stroke_rest_s: float = 0.12
+    bow: float = 0.3
 
 
 PROFILES: Mapping[str, Profile] = MappingProxyType(
     {
         "steady": Profile(),
-        "brisk": Profile(pace=1.7, press=1.15, delay_s=0.08, grip_s=0.12, motor_noise=0.18, stroke_miss=0.10),
-        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.06),
-        "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.12),
+        "brisk": Profile(pace=1.7, press=1.15, delay_s=0.08, grip_s=0.12, motor_noise=0.18, stroke_miss=0.10, bow=0.05),
+        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.06, bow=0.9),
+        "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.12, bow=0.5),
         "novice": Profile(
             pace=0.85,
             press=1.2,
@@ -69,6 +71,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             eye_m=0.0004,
             stroke_miss=0.15,
             stroke_rest_s=0.2,
+            bow=0.9,
         ),
     }
 )
@@ -79,7 +82,7 @@ _PACED = ("speed_m_s", "landing_m_s", "insert_m_s")
 _PRESSED = ("press_n",)
 _OF_THE_HAND = (
     *("grip_s", "hand_s", "motor_noise", "tremor", "tremor_hz", "feel_noise", "eye_m"),
-    *("stroke_miss", "stroke_rest_s"),
+    *("stroke_miss", "stroke_rest_s", "bow"),
 )
 
 
@@ -129,6 +132,8 @@ def make_hand(person: Profile, config: CollectConfig, rng: np.random.Generator) 
     for trait in _OF_THE_HAND:
         hand[trait] = getattr(person, trait)
     hand["crosstalk"] = rng.normal(size=(6, 6)) * person.crosstalk * (1.0 - np.eye(6))
+    side = np.array([*rng.normal(size=2), abs(rng.normal())])  # Never down, where the goal is.
+    hand["bow_way"] = side / np.linalg.norm(side)
     hand["slow_s"], hand["motor_noise_s"], hand["drift_s"] = 0.05, 0.05, 0.5
     hand["stroke_s"], hand["stroke_s_bit"], hand["near_m"] = 0.1, 0.08, 0.003
     hand["disturbance_m"], hand["disturbance_s"] = config.disturbance_m, config.disturbance_s

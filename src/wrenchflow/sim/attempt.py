@@ -88,7 +88,8 @@ class Attempt:
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
-        capacity_s = config.tare_s + task.time_limit_s + _MARGIN_S
+        self._time_limit_s = task.time_limit_s * config.patience
+        capacity_s = config.tare_s + self._time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
         self._without = tuple(without)
         self.controller = Controller(rig, config.control, without=self._without)
@@ -135,7 +136,7 @@ class Attempt:
             count: Periods, fewer where time runs out, and one only while the arm is stopped.
             drive: As of `follow`.
         """
-        left = math.ceil((self.task.time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
+        left = math.ceil((self._time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
         count = 1 if self.controller.mode == "latched" else max(1, min(count, left))
         first = self.plant.count
         self._run(ticks * count, drive)
@@ -221,7 +222,7 @@ class Attempt:
     @property
     def over(self) -> bool:
         """Whether the task is done or lost, its time has run out, or the arm is latched and had the time to rest."""
-        if self.elapsed_s >= self.task.time_limit_s or self.controller.latched_s >= _REST_S:
+        if self.elapsed_s >= self._time_limit_s or self.controller.latched_s >= _REST_S:
             return True
         return self._is_decided
 
