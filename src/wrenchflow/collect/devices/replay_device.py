@@ -70,7 +70,7 @@ class Replay:
         since_ns = now_ns - self._start_ns
         self._over = self._over or since_ns >= self._end_ns
         if self._over:
-            return Reading(t_ns=self._start_ns + self._end_ns)
+            return Reading(t_ns=self._start_ns + int(self._t_ns[-1]))
         # A clock that goes back takes no report back.
         self._index = max(self._index, int(np.searchsorted(self._t_ns, since_ns, side="right")) - 1)
         return Reading(
