@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -41,6 +41,7 @@ def help_lines() -> tuple[str, ...]:
     return ("  ".join(moves[:6]), "  ".join(moves[6:]), "  ".join([*buttons, f"speed: {speeds}"]))
 
 
+@runtime_checkable
 class KeySource(Protocol):
     """What keys come from: `wrenchflow.collect.keys.Keys`."""
 

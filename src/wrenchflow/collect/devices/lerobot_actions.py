@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int64
@@ -42,6 +42,7 @@ class Meant(NamedTuple):
     is_new: bool = True
 
 
+@runtime_checkable
 class Meaning(Protocol):
     """How one kind of action is understood."""
 

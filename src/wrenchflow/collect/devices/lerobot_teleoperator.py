@@ -93,17 +93,17 @@ class LeRobotTeleoperator:
         if self._newest is None:
             raise DeviceError(f"the teleoperator '{self._label}' was closed, and cannot be read any more.")
         news = self._newest.news
+        if news.error is not None and (news.failures >= _MOST_FAILURES or not self._teleoperator.is_connected):
+            raise DeviceError(
+                f"the teleoperator '{self._label}' has gone ({_said(news.error)}): look at its cable or its app, "
+                "connect it again, and start the episode anew."
+            ) from news.error
         if news.number == self._number:
             return self._reading
         self._number, last = news.number, self._reading
         if now_ns - last.t_ns > _SILENT_NS:
             self._meaning.let_go()
         if news.error is not None:
-            if news.failures >= _MOST_FAILURES or not self._teleoperator.is_connected:
-                raise DeviceError(
-                    f"the teleoperator '{self._label}' has gone ({_said(news.error)}): look at its cable or its app, "
-                    "connect it again, and start the episode anew."
-                ) from news.error
             return self._refuse(f"its driver fails: {_said(news.error)}")
         try:
             meant = self._meaning.of(news.values, self._follower)
