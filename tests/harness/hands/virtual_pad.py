@@ -3,13 +3,13 @@
 import ctypes
 from pathlib import Path
 
-_PAD, _AXES, _BUTTONS = 1, 6, 15
+_PAD, _AXES, _BUTTONS = 1, 6, 15  # A gamepad, as SDL numbers its kinds of joysticks.
 
 
 class VirtualPad:
     """Sticks, triggers and buttons of a pad without hardware; plugged in when it is made."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: int = _PAD) -> None:
         maps = Path("/proc/self/maps").read_text()
         found = [line.split()[-1] for line in maps.splitlines() if "libSDL2-2" in line]
         assert found, "pygame is loaded before a pad is plugged in"
@@ -17,7 +17,7 @@ class VirtualPad:
         sdl.SDL_JoystickFromInstanceID.restype = ctypes.c_void_p
         sdl.SDL_JoystickSetVirtualAxis.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_int16]
         sdl.SDL_JoystickSetVirtualButton.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_uint8]
-        self._index = sdl.SDL_JoystickAttachVirtual(_PAD, _AXES, _BUTTONS, 0)
+        self._index = sdl.SDL_JoystickAttachVirtual(kind, _AXES, _BUTTONS, 0)
         assert self._index >= 0
         self._id = sdl.SDL_JoystickGetDeviceInstanceID(self._index)
         self.is_plugged_in = True
