@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from wrenchflow.sim.tasks.wiping_path import BEGIN_M, END_M, aside
 from wrenchflow.sim.tasks.wiping_referee import Evenness, WipingReferee
 from wrenchflow.spatial import compose, exp_so3, make_pose, quat_of, rotation_of
 
-# The goal's frame lies on the plate where the tool should land, with z into it, as the tool's does: a half turn about x.
+# The goal's frame lies on the plate where the tool should land, with z into it, as the tool's: a half turn about x.
 _INTO_PLATE = exp_so3(np.array([math.pi, 0.0, 0.0]))
 # The way goes along the base's y: along x the damping, which follows the arm's inertia, couples speed to the press.
 _ACROSS = exp_so3(np.array([0.0, 0.0, math.pi / 2.0]))
@@ -28,9 +29,7 @@ _PLATE, _WAY, _STAND = (0.32, 0.46, 0.62, 1.0), (0.93, 0.93, 0.92, 1.0), (0.66, 
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceWiping:
-    """A plate somewhere near, a guess of where it is, and a way on it, along which 8 N have to be held.
-
-    """
+    """A plate somewhere near, a guess of where it is, and a way on it, along which 8 N have to be held."""
 
     name: str = "surface-wiping"
     rig: str = "panda_wiper"
@@ -41,14 +40,14 @@ class SurfaceWiping:
     centre_m: tuple[float, float, float] = (0.50, -0.075, 0.12)  # middle of where the landing seems to be
     position_range_m: float = 0.025
     yaw_range_rad: float = math.radians(15.0)
-    height_range_m: float = 0.008  # by which the surface is higher or lower than it seems
-    tilt_max_rad: float = math.radians(4.0)  # by which it is tilted, any way; it seems to be level
+    height_range_m: float = 0.010  # by which the surface is higher or lower than it seems
+    tilt_max_rad: float = math.radians(5.0)  # by which it is tilted, any way; it seems to be level
     start_height_m: tuple[float, float] = (0.035, 0.055)
     start_range_m: float = 0.020
     start_tilt_rad: float = math.radians(1.0)
     friction: float = 0.3
     pad_solref: tuple[float, float] = (0.004, 1.0)
-    pad_solimp: tuple[float, float, float, float, float] = (0.0, 0.95, 0.002, 0.5, 2.0)
+    pad_solimp: tuple[float, float, float, float, float] = (0.0, 0.95, 0.001, 0.5, 2.0)
     evenness: Evenness = field(default_factory=Evenness)
 
     def make_spec(self, rig: Rig) -> mujoco.MjSpec:
@@ -122,7 +121,7 @@ class SurfaceWiping:
             **looks,
         )
         edges = np.linspace(BEGIN_M, END_M, _STRIPES + 1)
-        for x, until in zip(edges[:-1], edges[1:], strict=True):
+        for x, until in pairwise(edges):
             marks.add_geom(  # The plate's y points the other way.
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=[x, -aside(x), -0.0015, until, -aside(until), -0.0015],

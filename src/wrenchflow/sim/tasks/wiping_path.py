@@ -9,7 +9,7 @@ from wrenchflow.compiled import kernel
 
 BEGIN_M = 0.03  # Along x; before it is the run-in, in which the tool lands and the force rises.
 END_M = 0.15
-_SWING_M = 0.012
+_SWING_M = 0.010
 _WAVE_M = 0.15  # One whole S, run-in included.
 
 

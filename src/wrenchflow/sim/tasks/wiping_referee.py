@@ -100,7 +100,7 @@ class Evenness:
     band_n: float = 2.0
     aside_max_m: float = 0.005
     touch_n: float = 1.0
-    force_max_n: float = 20.0
+    force_max_n: float = 16.0
     share: float = 0.9
     element_m: float = 0.002
 
