@@ -58,6 +58,10 @@ SKILL = record_dtype(
         ("pitch_m", "f8"),  # of the spiral that is walked then
         ("inside_m", "f8"),  # so deep the tool is in
         ("insert_m_s", "f8"),
+        # Along a way.
+        ("wipe_m_s", "f8"),
+        ("press_gain", "f8"),  # share of a wrong press that is put right at once
+        ("uneven_n", "f8"),  # a press that is as wrong stops the tool
     ]
 )
 
