@@ -4,14 +4,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wrenchflow.collect.skills import peg
+from wrenchflow.collect.skills import peg, plug
 from wrenchflow.collect.skills.skill import make_skill
 from wrenchflow.compiled import kernel
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError, unknown
 
-_PEG = np.int64(0)
-_SKILLS = MappingProxyType({"peg-insertion": (_PEG, peg.TRAITS)})
+_PEG, _PLUG = np.int64(0), np.int64(1)
+_SKILLS = MappingProxyType({"peg-insertion": (_PEG, peg.TRAITS), "connector-insertion": (_PLUG, plug.TRAITS)})
 
 
 @kernel
@@ -19,6 +19,8 @@ def want(number, skill, seen, wanted):
     """Decide, in the goal's axes; records `SKILL`, `PERCEIVED` and `WANTED`."""
     if number == _PEG:
         peg.want(skill, seen, wanted)
+    elif number == _PLUG:
+        plug.want(skill, seen, wanted)
 
 
 def skill_of(task: str, impedance: Impedance) -> tuple[int, np.ndarray]:
