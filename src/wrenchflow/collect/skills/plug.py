@@ -20,9 +20,9 @@ TRAITS = {
     "level_rad": 0.004,
     "centred_m": 0.0008,
     "touch_n": 1.0,
-    "press_n": 6.0,
+    "press_n": 5.0,
     "press_step_n": 3.0,
-    "search_margin_m": 0.0014,
+    "search_margin_m": 0.0008,
     "lever_x_m": 0.002,
     "lever_y_m": 0.0012,
     "turn_margin_rad": 0.012,
@@ -30,10 +30,10 @@ TRAITS = {
     "walk_margin_m": 0.0014,
     "pitch_m": 0.0012,
     "inside_m": 0.0013,
-    "insert_m_s": 0.03,
+    "insert_m_s": 0.012,
     "snap_m": 0.0045,
     "push_n": 18.0,
-    "push_step_n": 4.0,
+    "push_gain": 1.5,
     "seated_m": 0.0064,
     "hold_n": 5.0,
     "force_limit_n": 26.0,
@@ -57,8 +57,8 @@ def want(skill, seen, wanted):
         if depth > skill.seated_m:
             wanted.x[2] = depth + skill.hold_n / skill.K_lin
         else:
-            lead = press_lead(skill, skill.push_n, press + skill.push_step_n - skill.press_step_n)
-            wanted.x[2] = depth + max(min(lead, _room(skill, seen)), 0.0)
+            push = min(skill.insert_m_s * skill.lag_s * skill.K_lin + skill.push_gain * max(press, 0.0), skill.push_n)
+            wanted.x[2] = depth + max(min(push, _room(skill, seen)), 0.0) / skill.K_lin
         wanted.phase = SNAP if depth > skill.snap_m else INSERT
         return
     if press <= skill.touch_n or depth <= -skill.near_m:
@@ -90,7 +90,7 @@ def _share(value, full):
 
 @kernel
 def _room(skill, seen):
-    """How far the target may lead before the force, with what presses sideways, comes near the limit [m]."""
+    """How hard it may push before the force, with what presses sideways, comes near the limit [N]."""
     f = seen.wrench
     sideways = math.sqrt(f[0] * f[0] + f[1] * f[1])
-    return (skill.force_limit_n - sideways) / skill.K_lin
+    return skill.force_limit_n - sideways

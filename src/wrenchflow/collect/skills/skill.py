@@ -64,7 +64,7 @@ SKILL = record_dtype(
         ("turn_moment_nm", "f8"),  # moment from which on it is turned as fast as may be
         ("snap_m", "f8"),  # so deep the latch begins
         ("push_n", "f8"),  # over the latch, at most
-        ("push_step_n", "f8"),  # how far the wanted push may be ahead of the felt one
+        ("push_gain", "f8"),  # push that is wanted for each newton that is felt
         ("seated_m", "f8"),
         ("hold_n", "f8"),  # press of a tool that is seated
         ("force_limit_n", "f8"),  # never to be wanted, all directions together

@@ -48,11 +48,11 @@ class ConnectorShape:
     clearance_m: float = 0.00025
     chamfer_m: float = 0.0005
     crest_m: float = 0.0060
-    stop_m: float = 0.0062
+    stop_m: float = 0.0061
     nose_radius_m: float = 0.0015
     interference_m: float = 0.0004
     latch_solref: tuple[float, float] = (-2600.0, -10.0)
-    stop_solref: tuple[float, float] = (0.05, 1.0)
+    stop_solref: tuple[float, float] = (0.07, 1.0)
     stop_give: float = 0.6
     friction: float = 0.2
     latch_friction: float = 0.1
