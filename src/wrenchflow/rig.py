@@ -20,7 +20,7 @@ from wrenchflow.robot_limits import RobotLimits, Vector3
 Pose = tuple[float, float, float, float, float, float, float]
 
 _PACKAGE = resources.files("wrenchflow")
-RIGS = {name: _PACKAGE / f"{name}.toml" for name in ("panda_peg", "panda_wiper")}
+RIGS = {name: _PACKAGE / f"{name}.toml" for name in ("panda_peg", "panda_plug", "panda_wiper")}
 ROBOTS = {name: _PACKAGE / "robots" / f"{name}.toml" for name in ("fr3", "panda")}
 
 

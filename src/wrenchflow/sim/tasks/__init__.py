@@ -14,6 +14,7 @@ _PLACES = MappingProxyType(
     {
         "peg-insertion": ("peg_insertion", "PegInsertion"),
         "surface-wiping": ("surface_wiping", "SurfaceWiping"),
+        "connector-insertion": ("connector_insertion", "ConnectorInsertion"),
     }
 )
 NAMES = tuple(_PLACES)
