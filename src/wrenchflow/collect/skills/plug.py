@@ -21,6 +21,7 @@ TRAITS = {
     "centred_m": 0.0008,
     "touch_n": 1.0,
     "press_n": 5.0,
+    "press_taste": 0.5,
     "press_step_n": 3.0,
     "search_margin_m": 0.0008,
     "lever_x_m": 0.002,

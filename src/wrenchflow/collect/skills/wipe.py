@@ -21,6 +21,7 @@ TRAITS = {
     "centred_m": 0.003,
     "touch_n": 1.0,
     "press_n": 8.0,
+    "press_taste": 0.08,
     "press_step_n": 3.0,
     "wipe_m_s": 0.04,
     "press_gain": 0.5,

@@ -104,7 +104,7 @@ def _about_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
 
 
 class ConnectorReferee:
-    """Seated is who stays past the crest for a while; what bounces off the stop is not in, and what was crushed is lost."""
+    """Seated is what stays past the crest for a while: what bounces off the stop is not, what was crushed is lost."""
 
     def __init__(self, task: ConnectorInsertion, scene: Scene) -> None:
         """Judge one attempt at a scene."""

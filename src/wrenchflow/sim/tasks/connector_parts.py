@@ -61,8 +61,8 @@ class ConnectorShape:
     def steel(self) -> dict:
         """Contact of what is hard.
 
-        Stiff, for at MuJoCo's defaults a 20 N push sinks in by more than the clearance; but with a force that grows from
-        nothing over the first 0.1 mm, without which a plug that slides has no contact at all in half of the ticks.
+        Stiff, for at MuJoCo's defaults a 20 N push sinks in by more than the clearance; but with a force that grows
+        from nothing over the first 0.1 mm, without which a plug that slides has no contact at all in half of the ticks.
         """
         return {
             "friction": [self.friction, 0.0, 0.0],
