@@ -230,9 +230,11 @@ class TestTeleopDevice:
         assert found == [0, full, -full]
 
     def test_stamps_never_go_back_even_where_the_clock_does(self, stage: Stage):
-        stage.play([(START_NS + i * MS, 1.0 if i % 3 else -1.0) for i in range(50)])
-        times = [START_NS + at * MS for at in (0, 5, 3, 20, 20, 11, 30, 0, 49)]
-        stamps = [stage.read(at).t_ns for at in times]
+        bench = stage.play([(START_NS + i * MS, 1.0 if i % 3 else -1.0) for i in range(50)])
+        stamps = []
+        for i, at in enumerate((0, 5, 3, 20, 20, 11, 30, 0, 49)):
+            bench.deflect(0.5 if i % 2 else -0.5)  # Something new at every read, whatever the clock shows.
+            stamps.append(stage.read(START_NS + at * MS).t_ns)
         assert stamps == sorted(stamps)
         assert stamps[0] == START_NS
         assert stamps[-1] == START_NS + 49 * MS
