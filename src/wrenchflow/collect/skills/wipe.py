@@ -13,9 +13,9 @@ APPROACH, LAND, PRESS, WIPE = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 TRAITS = {
     "lag_s": 0.2,
     "friction": 0.3,
-    "speed_m_s": 0.08,
+    "speed_m_s": 0.10,
     "landing_m_s": 0.015,
-    "slowing": 1.6,
+    "slowing": 2.0,
     "hover_m": 0.012,
     "level_rad": 0.004,
     "centred_m": 0.003,
@@ -23,7 +23,7 @@ TRAITS = {
     "press_n": 8.0,
     "press_taste": 0.08,
     "press_step_n": 3.0,
-    "wipe_m_s": 0.04,
+    "wipe_m_s": 0.035,
     "press_gain": 0.5,
     "uneven_n": 4.0,
 }
