@@ -44,7 +44,7 @@ def ask_for_no_time() -> None:
         (
             lambda: make_task("peg-insert"),
             "ConfigError",
-            "unknown task 'peg-insert'. Did you mean 'peg-insertion'? Available: peg-insertion, connector-insertion.",
+            "unknown task 'peg-insert'. Did you mean 'peg-insertion'? Available: connector-insertion, peg-insertion.",
         ),
         (
             lambda: load_rig("ur5"),

@@ -171,8 +171,8 @@ def test_seated_is_what_stays_past_the_crest():
     assert judged(seated).progress == pytest.approx(1.0)
     referee = TASK.referee(placed(at(depth_m=-0.01))[0])
     for _ in range(10):  # Bouncing off the stop is not seated.
-        referee.see(np.repeat(seated[None], 15, axis=0), np.zeros((15, 6)))
         referee.see(at(depth_m=0.0055)[None], np.zeros((1, 6)))
+        referee.see(np.repeat(seated[None], 15, axis=0), np.zeros((15, 6)))
         assert referee.progress < 1.0
     assert judged(at(depth_m=TASK.shape.crest_m)).progress < 0.9
     assert judged(at(x_m=0.003, depth_m=0.0066)).progress < 0.9  # Beside the socket, depth counts for nothing.
