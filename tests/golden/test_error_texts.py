@@ -44,7 +44,8 @@ def ask_for_no_time() -> None:
         (
             lambda: make_task("peg-insert"),
             "ConfigError",
-            "unknown task 'peg-insert'. Did you mean 'peg-insertion'? Available: connector-insertion, peg-insertion, surface-wiping.",
+            "unknown task 'peg-insert'. Did you mean 'peg-insertion'? Available: connector-insertion, peg-insertion, "
+            "surface-wiping.",
         ),
         (
             lambda: load_rig("ur5"),
