@@ -48,9 +48,10 @@ class SurfaceWiping:
     third of a millimetre at 8 N: its force grows from nothing over the first millimetre (solimp), so that a landing at
     15 mm/s does not press harder than what follows, one at 30 mm/s presses with 22 N.
 
-    What force is for: pressed at a depth below where the surface seems to be, BLIND_A. A spring that leads the
-    tool by F / K presses right at any height, but what does not feel the contact comes down as fast as it leads:
-    BLIND_B. By feel, FEEL.
+    What force is for: pressed as deep as where the surface seems to be asks for, 25 of 200 attempts are a success, by
+    luck of the height. A spring that leads the tool by F / K wherever it is presses right at any height, but what does
+    not feel the contact comes down as fast as it leads: 19 N at the landing, and 18 of 20 attempts end by
+    `over-force`. By feel, 120 of 120 are a success; the press is off by 0.5 N (RMS), 1.8 N at most.
     """
 
     name: str = "surface-wiping"
