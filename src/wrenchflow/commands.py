@@ -113,7 +113,7 @@ class Collect(Stage):
 
     def run(self) -> dict[str, Any]:
         """Do it."""
-        from wrenchflow.collect.session import collect_folder
+        from wrenchflow.collect.folder import collect_folder
 
         collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
         done = watch("collect", collecting, self.config.episodes)

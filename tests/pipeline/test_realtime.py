@@ -11,9 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchflow.collect import realtime, session
+from wrenchflow.collect import folder as collecting
+from wrenchflow.collect import realtime
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.session import demonstrate
 from wrenchflow.control.safeguards import MODES
 from wrenchflow.errors import ControlError, OutputError
 from wrenchflow.ledger import Ledger
@@ -140,13 +142,13 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
 
 
 def test_a_stop_during_the_start_up_checks_is_what_is_told(tmp_path, monkeypatch, unchecked):
-    check_cell = session.check_cell
+    check_cell = collecting.check_cell
 
     def stopped(config, stop):
         signal.raise_signal(signal.SIGUSR1)
         return check_cell(config, stop)
 
-    monkeypatch.setattr(session, "check_cell", stopped)
+    monkeypatch.setattr(collecting, "check_cell", stopped)
     with unchecked(), pytest.raises(ControlError, match="emergency stop by SIGUSR1"):
         list(collect_folder(tmp_path / "raw", CONFIG))
     assert not (tmp_path / "raw").exists()

@@ -12,7 +12,8 @@ import numpy as np
 from wrenchflow import signals
 from wrenchflow.camera import View
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import Demonstration, Session, known_of
+from wrenchflow.collect.demonstration import Demonstration
+from wrenchflow.collect.session import Session, known_of
 from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
