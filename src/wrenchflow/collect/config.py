@@ -51,6 +51,9 @@ class CollectConfig(AttemptConfig):
         cameras: The rig's cameras that are recorded, such as `wrist scene`.
         camera: Size and rate of their pictures.
         twist_map: How the device's axes move the target.
+        time_limit_s: How long an attempt may last [s]; without it as long as the task says, but a minute for people.
+        tares: How often the sensor is tared at most: once more where something moved or touched the arm.
+        tare_wait_s: Between a tare that was refused and the next [s].
     """
 
     episodes: int = 10
@@ -65,11 +68,16 @@ class CollectConfig(AttemptConfig):
     cameras: tuple[str, ...] = ()
     camera: CameraConfig = field(default_factory=CameraConfig)
     twist_map: TwistMap = field(default_factory=TwistMap)
+    time_limit_s: float | None = None
+    tares: int = 3
+    tare_wait_s: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_at_least(1, device_hz=self.device_hz)
-        require_at_least(0, disturbance_m=self.disturbance_m)
+        require_at_least(1, device_hz=self.device_hz, tares=self.tares)
+        require_at_least(0, disturbance_m=self.disturbance_m, tare_wait_s=self.tare_wait_s)
+        if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= 3600.0:
+            raise ConfigError(f"time_limit_s is {self.time_limit_s:g}, expected more than 0 and 3600 at most.")
         require_positive(disturbance_s=self.disturbance_s)
         if len(set(self.cameras)) != len(self.cameras):
             raise ConfigError(f"cameras are {', '.join(self.cameras)}, expected each at most once.")

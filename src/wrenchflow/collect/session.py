@@ -15,6 +15,7 @@ from wrenchflow.collect.hand_driver import HandDriver
 from wrenchflow.collect.operators_table import make_driver
 from wrenchflow.collect.profiles import person_of
 from wrenchflow.collect.sim_camera import Album, views_of
+from wrenchflow.collect.tare import tares_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
 from wrenchflow.episode import Episode, Event, Stream
@@ -54,6 +55,8 @@ def demonstrate(
         glance_hz=config.camera.rate_hz,
         keep=box.rows if box else None,
         without=without,
+        tares=tares_of(config),
+        time_limit_s=config.time_limit_s,
     )
     session = Session(attempt, config)
     known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
