@@ -25,6 +25,7 @@ EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 
 
 Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
 Jobs = Annotated[int, arg(help="Worker processes.")]
+Resume = Annotated[bool, arg(help="Go on with OUT, finished or interrupted; --episodes is how many it will hold.")]
 Json = Annotated[bool, arg(help="Print one JSON object instead of text.")]
 ConfigFile = Annotated[Path | None, arg(name="config", metavar="FILE.toml", help="Values of the flags below.")]
 Out = Annotated[Positional[Path], arg(metavar="OUT", help="Folder to write.")]
@@ -110,12 +111,15 @@ class Collect(Stage):
     out: Out
     config: Annotated[CollectConfig, _UNPREFIXED] = field(default_factory=CollectConfig)
     jobs: Jobs = 2
+    resume: Annotated[
+        bool, arg(help="Go on with OUT, finished or interrupted; --episodes is how many it will hold.")
+    ] = False
 
     def run(self) -> dict[str, Any]:
         """Do it."""
         from wrenchflow.collect.folder import collect_folder
 
-        collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
+        collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite, resume=self.resume)
         done = watch("collect", collecting, self.config.episodes)
         told: dict[str, Any] = {
             "episodes": len(done),

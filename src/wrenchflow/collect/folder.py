@@ -5,17 +5,19 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
+from wrenchflow.collect import resume as resuming
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.demonstration import Demonstration
+from wrenchflow.collect.demonstration import Demonstration, demonstration_in, demonstration_of
 from wrenchflow.collect.operators_table import require_operator
 from wrenchflow.collect.session import demonstrate, known_of
 from wrenchflow.collect.sim_camera import views_of, without_what_cannot_be_drawn
 from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.episodes_map import map_episodes
+from wrenchflow.errors import OutputError
 from wrenchflow.manifest import KEEP, output_folder, write_manifest
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
-from wrenchflow.sim.attempt import Outcome, episode_id
+from wrenchflow.sim.attempt import episode_id
 from wrenchflow.sim.startup import check_cell
 from wrenchflow.sim.streams import ROWS
 from wrenchflow.sim.tasks import scenery
@@ -34,12 +36,17 @@ class _Record:
         with BlackBox(self.boxes, ROWS, id=name, task=config.task, meta=known_of(config, index)) as box:
             episode = demonstrate(index, config, box=box)
             write_episode(self.folder / f"{name}.mcap", episode, config.compression)
-        outcome = Outcome(**episode.meta["result"])
-        return Demonstration(id=name, samples=len(episode["tcp_pose"]), outcome=outcome)
+        return demonstration_of(episode)
 
 
 def collect_folder(
-    out: Path, config: CollectConfig, *, jobs: int = 1, overwrite: bool = False, executor: Executor | None = None
+    out: Path,
+    config: CollectConfig,
+    *,
+    jobs: int = 1,
+    overwrite: bool = False,
+    resume: bool = False,
+    executor: Executor | None = None,
 ) -> Iterator[Demonstration]:
     """Record `config.episodes` demonstrations into a folder, and yield what became of each.
 
@@ -48,10 +55,11 @@ def collect_folder(
         config: What is demonstrated, by whom.
         jobs: Worker processes.
         overwrite: Replace a folder that is there.
+        resume: Go on with a folder that is there, finished or not; those of it that are there are yielded first.
         executor: Used in place of worker processes of its own.
 
     Raises:
-        OutputError: If `out` is there, and may not be replaced.
+        OutputError: If `out` is there, and may be neither replaced nor gone on with.
         ConfigError: For a task, operator or rig that does not exist, or control limits beyond the hardware's.
         StartupError: If the cell is not fit to be started.
     """
@@ -59,9 +67,17 @@ def collect_folder(
     config = without_what_cannot_be_drawn(config)
     views_of(config, rig)
     require_operator(config)
-    with output_folder(out, overwrite=overwrite) as folder:
-        startup = None if config.realtime or config.live else check_cell(config)
-        if config.realtime or config.live:
+    if resume and overwrite:
+        raise OutputError("--resume goes on with what is there and --overwrite replaces it: pass one of them.")
+    if resume:
+        resuming.require_same(out, config)
+    is_paced = config.realtime or config.live
+    with output_folder(out, overwrite=overwrite, resume=resume) as folder:
+        resuming.begin(folder, config, by_the_clock=is_paced)
+        there, missing = resuming.there_and_missing(folder, config)
+        startup = None if is_paced else check_cell(config)
+        yield from map(demonstration_in, there)
+        if is_paced:
             from wrenchflow.collect.realtime import demonstrate_in_real_time
 
             (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
@@ -71,11 +87,11 @@ def collect_folder(
                 finally:  # Somebody who stops the check is told of the stop, not of what the check missed by it.
                     stop.require_none("Nothing was recorded.")
                 # One after the other: what runs by the clock shares a core with nothing.
-                for index in range(config.episodes):
+                for index in missing:
                     yield demonstrate_in_real_time(index, config, folder, stop)
                     stop.require_none(f"{index + 1} of {config.episodes} episodes are in '{folder}'.")
         else:
             with black_boxes(out) as boxes:
-                record = _Record(folder, boxes, config)
-                yield from map_episodes(record, range(config.episodes), jobs=jobs, executor=executor)
+                yield from map_episodes(_Record(folder, boxes, config), missing, jobs=jobs, executor=executor)
         write_manifest(folder, "collect", config, seed=config.seed, startup=startup)
+        resuming.end(folder)

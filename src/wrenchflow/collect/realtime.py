@@ -12,9 +12,10 @@ import numpy as np
 from wrenchflow import signals
 from wrenchflow.camera import View
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.demonstration import Demonstration
+from wrenchflow.collect.demonstration import Demonstration, lost_of, problems_of, refused_of, who_of
 from wrenchflow.collect.session import Session, known_of
 from wrenchflow.collect.sim_camera import SimCamera, views_of
+from wrenchflow.collect.tare import tares_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
 from wrenchflow.control.emergency_stop import EmergencyStop
@@ -108,7 +109,16 @@ def demonstrate_in_real_time(
             beat = _Beat(stack.enter_context(recorder), control, Looks(attempt.plant.data) if views else None, show)
             return beat
 
-        attempt = Attempt(task, model, rig, config, seed=(config.seed, index, DEMONSTRATE), beat=begin)
+        attempt = Attempt(
+            task,
+            model,
+            rig,
+            config,
+            seed=(config.seed, index, DEMONSTRATE),
+            beat=begin,
+            tares=tares_of(config),
+            time_limit_s=config.time_limit_s,
+        )
         assert beat is not None  # An attempt begins its beat before its first tick.
         session = Session(attempt, config)
         beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
@@ -123,15 +133,18 @@ def demonstrate_in_real_time(
             beat.recorder.event(event.moved(beat.offset_ns))
         result = {**to_mapping(attempt.outcome), "late_ticks": beat.late}
         recorded = beat.recorder.finish(result, attempt.safety)
-        problems = [of["problem"] for of in recorded.values() if "problem" in of]
+        start_m, goal_m = attempt.plant.rows["tcp_pose"][0, :3], attempt.scene.T_base_goal_perceived[:3]
         return Demonstration(
             id=name,
             samples=attempt.plant.count,
             outcome=attempt.outcome,
+            who=who_of(known_of(config, index)),
+            start_m=tuple((start_m - goal_m).tolist()),
+            goal_m=tuple(goal_m.tolist()),
+            refused=refused_of(attempt.events),
             late_ticks=beat.late,
-            # A row that found no room leaves a number that is missing; only after the last row it does not.
-            lost=sum(max(of["dropped"], of.get("missing", 0)) for of in recorded.values()),
-            problems=tuple(dict.fromkeys(problems)),
+            lost=lost_of(recorded),
+            problems=problems_of(recorded),
         )
 
 
