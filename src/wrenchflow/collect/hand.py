@@ -155,8 +155,11 @@ def _reach(hand, teleop, period_s, white):
         bits = math.log(1.0 + far / hand.near_m) / math.log(2.0)
         # A minimum-jerk stroke is at most 15 / 8 of its mean speed.
         hand.stroke_T = max(hand.stroke_s + hand.stroke_s_bit * bits, 1.875 * far / hand.skill.speed_m_s)
+        # A person who may miss falls short on purpose: too far would be a blow.
+        share = max(1.0 - 2.5 * hand.stroke_miss, 0.3)
         for i in range(3):
-            hand.stroke_to[i] += hand.stroke_miss * far * white[27 + i]
+            way = hand.stroke_to[i] - hand.stroke_from[i]
+            hand.stroke_to[i] = hand.stroke_from[i] + share * way + hand.stroke_miss * far * white[27 + i]
         hand.is_stroke, hand.stroke_t = 1, 0.0
         hand.strokes += 1
     hand.stroke_t += period_s

@@ -2,7 +2,6 @@
 
 import mmap
 import struct
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from isal.isal_zlib import crc32
 from jaxtyping import UInt8, UInt64
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -89,10 +89,7 @@ class Container:
         summary_start = footer.summary_start or footer_start
         if not len(MAGIC) <= summary_start <= footer_start:
             raise self.damaged("its footer points outside the file")
-        if (
-            footer.summary_crc
-            and zlib.crc32(self._bytes[summary_start : self.size - len(MAGIC) - 4]) != footer.summary_crc
-        ):
+        if footer.summary_crc and crc32(self._bytes[summary_start : self.size - len(MAGIC) - 4]) != footer.summary_crc:
             raise self.damaged("the checksum of its summary does not match")
         self._read_data(summary_start)
         self._read_summary(summary_start, footer_start)
@@ -202,7 +199,7 @@ class Container:
         Raises:
             RecordingError: If it does not match.
         """
-        if self._data_crc and zlib.crc32(self._bytes[: self._data_end]) != self._data_crc:
+        if self._data_crc and crc32(self._bytes[: self._data_end]) != self._data_crc:
             raise self.damaged("the checksum of its data does not match")
         self._data_crc = 0
 
@@ -221,7 +218,7 @@ class Container:
             content = decompress(chunk.data, chunk.compression, chunk.size)
         except RecordingError as error:
             raise RecordingError(f"{self.path}: {error}") from error
-        is_right = chunk.is_checked or not chunk.crc or zlib.crc32(content) == chunk.crc
+        is_right = chunk.is_checked or not chunk.crc or crc32(content) == chunk.crc
         if len(content) != chunk.size or not is_right:
             raise self.damaged("the checksum of a chunk does not match")
         chunk.is_checked = True
@@ -275,7 +272,7 @@ def read_attachment(content: memoryview) -> tuple[str, messages.Attachment]:
         ValueError: If its checksum does not match; it may also raise what `mcap` and `struct` raise.
     """
     (crc,) = struct.unpack_from("<I", content, len(content) - 4)
-    if crc and zlib.crc32(content[:-4]) != crc:
+    if crc and crc32(content[:-4]) != crc:
         raise ValueError("the checksum of an attachment does not match")
     try:
         record = Attachment.read(ReadDataStream(BytesIO(content)))

@@ -8,7 +8,6 @@ bytes were changed, none is. The summary is made anew.
 import fcntl
 import json
 import struct
-import zlib
 from bisect import bisect_right
 from collections import Counter
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple, cast
 
 import numpy as np
+from isal.isal_zlib import crc32
 from jaxtyping import UInt64
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -171,7 +171,7 @@ class _Salvage:
         content = self._data[at + _PREFIX.size : stop]
         if opcode != Opcode.DATA_END or len(content) != _CRC.size:
             self._problems["its data has no end record"] += 1
-        elif (crc := _CRC.unpack(content)[0]) and zlib.crc32(self._data[:at]) != crc:
+        elif (crc := _CRC.unpack(content)[0]) and crc32(self._data[:at]) != crc:
             self._problems["the checksum of its data does not match"] += 1
         if self._summary.problem:
             self._problems[self._summary.problem] += 1
@@ -261,7 +261,7 @@ class _Salvage:
         except RecordingError as error:
             self._problems[str(error).rstrip(".")] += 1
             return
-        if len(content) == size and crc and zlib.crc32(content) != crc:
+        if len(content) == size and crc and crc32(content) != crc:
             self._problems["the checksum of a chunk does not match"] += 1
             return
         messages, is_clean = self._split(content)

@@ -3,11 +3,11 @@
 import fcntl
 import os
 import struct
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+from isal.isal_zlib import crc32
 from jaxtyping import UInt8, UInt64
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -124,7 +124,7 @@ class Sink:
         content = memoryview(records)
         compress = self._compress if compression is None else compressor(compression)
         chosen = compression or self._compression
-        self.copy_chunk(compress(content), chosen, len(records), zlib.crc32(records), index)
+        self.copy_chunk(compress(content), chosen, len(records), crc32(records), index)
 
     def copy_chunk(
         self,
@@ -201,7 +201,7 @@ class Sink:
         content += b"".join(map(_bytes, groups))
         # The checksum covers the footer up to itself.
         content += _bytes(Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=0))[:-4]
-        self._append(bytes(content) + struct.pack("<I", zlib.crc32(content)) + MAGIC)
+        self._append(bytes(content) + struct.pack("<I", crc32(content)) + MAGIC)
         self._flush()
         try:
             os.fsync(self._file.fileno())
@@ -255,7 +255,7 @@ class Sink:
             self._file.write(content)
         except OSError as error:
             raise self._cannot_write(error) from error
-        self._crc = zlib.crc32(content, self._crc)
+        self._crc = crc32(content, self._crc)
         self._offset += len(content)
 
     def _cannot_write(self, error: OSError) -> OutputError:

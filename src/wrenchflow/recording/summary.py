@@ -1,10 +1,10 @@
 """The summary at the end of an MCAP file, as far as it can be believed: what is had from it if the data are damaged."""
 
 import struct
-import zlib
 from dataclasses import dataclass, field
 from io import BytesIO
 
+from isal.isal_zlib import crc32
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -53,7 +53,7 @@ def read_summary(data: memoryview) -> Summary:
         return Summary("its summary is cut off")
     start, _, crc = _FOOTER.unpack_from(data, footer + _PREFIX.size)
     start = start or footer
-    if start > footer or (crc and zlib.crc32(data[start : end - _CRC.size]) != crc):
+    if start > footer or (crc and crc32(data[start : end - _CRC.size]) != crc):
         return Summary("the checksum of its summary does not match")
     found = Summary(is_vouched=bool(crc))
     try:

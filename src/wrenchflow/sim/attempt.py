@@ -172,6 +172,32 @@ class Attempt:
         """
         return self._run(ticks, drive)
 
+    def stretch(self, ticks: int, count: int, drive: Drive) -> int:
+        """Run up to `count` times `ticks` ticks at once, and end where it is over; returns how many times they ran.
+
+        An attempt that was over in the middle is cut off there: what the arm did afterwards was never.
+
+        Args:
+            ticks: Of a period.
+            count: Periods, fewer where time runs out, and one only while the arm is stopped.
+            drive: As of `follow`.
+        """
+        left = math.ceil((self.task.time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
+        count = 1 if self.controller.mode == "latched" else max(1, min(count, left))
+        first = self.plant.count
+        self._run(ticks * count, drive)
+        if not self._is_decided:
+            return count
+        # Another referee sees it all again, the last of it a period at a time.
+        self._referee, self._watched, self.plant.count = self.task.referee(self.scene), 0, first
+        self._watch()
+        for done in range(1, count + 1):
+            self.plant.count = first + done * ticks
+            self._watch()
+            if self._is_decided:
+                return done
+        return count
+
     @property
     def is_free(self) -> bool:
         """Whether nothing has to happen between ticks: no beat and no pictures."""
@@ -194,10 +220,13 @@ class Attempt:
             if self.plant.count == due:
                 self._glance(self.now_ns, self._glances, looks_of(self.plant.model, self.plant.data))
                 self._glances += 1
+        self._watch()
+        return self.plant.rows[first:stop]
+
+    def _watch(self) -> None:
         seen = self.plant.seen[self._watched :]
         self._referee.see(seen["tcp_pose"], seen["wrench"])
         self._watched += len(seen)
-        return self.plant.rows[first:stop]
 
     def _tick(self, ticks: int, drive: Drive | None = None) -> None:
         if self.beat is None:
@@ -222,7 +251,7 @@ class Attempt:
     @property
     def outcome(self) -> Outcome:
         """How things stand now, as the referee sees them."""
-        progress = self._referee.progress
+        progress = float(self._referee.progress)
         success = progress >= 1.0
         return Outcome(
             success=success,
@@ -241,6 +270,10 @@ class Attempt:
         """Whether the task is done or lost, somebody ended it, its time is up, or the arm is latched and could rest."""
         if self._ended or self.elapsed_s >= self.time_limit_s or self.controller.latched_s >= _REST_S:
             return True
+        return self._is_decided
+
+    @property
+    def _is_decided(self) -> bool:
         return self._referee.progress >= 1.0 or self._referee.is_lost
 
     @property

@@ -2,6 +2,7 @@
 
 import gzip
 import zlib
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -19,7 +20,13 @@ def model_bytes(model: mujoco.MjModel) -> bytes:
     """A model to the last bit, as MuJoCo's own compressed binary; another version of MuJoCo cannot read it."""
     content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, content)
-    return gzip.compress(content.tobytes(), mtime=0)
+    return _packed(content.tobytes())
+
+
+@lru_cache(maxsize=4)
+def _packed(content: bytes) -> bytes:
+    # Every episode of a folder carries the same model, and packing it takes as long as a second of simulation.
+    return gzip.compress(content, mtime=0)
 
 
 def model_of(content: bytes) -> mujoco.MjModel:

@@ -11,7 +11,7 @@ from wrenchflow.rig import Rig
 from wrenchflow.sim.panda import ARM_CONTYPE, WORLD_CONTYPE, make_arm
 from wrenchflow.sim.reach import joints_at
 from wrenchflow.sim.tasks.task import Scene
-from wrenchflow.spatial import compose, exp_so3, inverse, make_pose, quat_of
+from wrenchflow.spatial import compose, exp_so3, make_pose, quat_of, rotation_of
 
 _FACETS = 24
 # The goal's frame lies on the hole's mouth with z into the hole, as the tool's does: a half turn about x.
@@ -200,13 +200,13 @@ class PegReferee:
 
     def __init__(self, task: PegInsertion, scene: Scene) -> None:
         """Judge one attempt at a scene."""
-        self._task, self._T_goal_base = task, inverse(scene.T_base_goal)
+        self._task, self._goal_m, self._R_base_goal = task, scene.T_base_goal[:3], rotation_of(scene.T_base_goal[3:])
         self._tip_m = np.array([0.0, 0.0, -np.inf])
 
     def see(self, T_base_tcp: Float[np.ndarray, "n 7"], wrench: Float[np.ndarray, "n 6"]) -> None:
         """Take in what has happened; only the last counts."""
         if len(T_base_tcp):
-            self._tip_m = compose(self._T_goal_base, T_base_tcp[-1])[:3]
+            self._tip_m = (T_base_tcp[-1, :3] - self._goal_m) @ self._R_base_goal
 
     @property
     def progress(self) -> float:

@@ -1,6 +1,7 @@
 """What a contact task is: a scene that it adds to the arm, a draw of it, and who says when it has been done."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 import mujoco
@@ -30,6 +31,7 @@ def make_model(task: "Task", rig: Rig) -> mujoco.MjModel:
     return task.make_spec(rig).compile()
 
 
+@lru_cache(maxsize=4)
 def mjcf_of(task: "Task", rig: Rig) -> str:
     """The same as MuJoCo's XML, for people, other tools and pictures; its numbers have six digits."""
     spec = task.make_spec(rig)
