@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Collection
 from contextlib import ExitStack
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple
 
 from wrenchflow.collect.devices.needs import load
 
@@ -80,7 +80,7 @@ class Keys:
         self._terminal: Any = None
         self._escape_s: float | None = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Keys":
         """Read the terminal key by key, without echo, if there is one.
 
         Raises:

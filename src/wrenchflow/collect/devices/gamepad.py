@@ -114,7 +114,7 @@ def open_gamepad() -> Gamepad:
     pygame.display.init()
     pygame.joystick.init()
     controllers.init()
-    pygame.event.pump()
+    pygame.event.clear()
     count = pygame.joystick.get_count()
     known = [index for index in range(count) if controllers.is_controller(index)]
     if not known:
@@ -124,14 +124,9 @@ def open_gamepad() -> Gamepad:
             f"no gamepad is there: {seen}. Plug one in or pair it; on Linux it shows as /dev/input/js0, which a "
             "container is given by --device /dev/input, and which the group `input` may read."
         )
-    return Gamepad(controllers.Controller(known[0]), _pump(pygame))
-
-
-def _pump(pygame: Any) -> Any:
-    def pump() -> None:
-        pygame.event.get()  # Nobody reads the events, and a queue that is full forgets the newest.
-
-    return pump
+    # Pumped and thrown away: nobody reads the events, a queue that is full forgets the newest, and making objects of
+    # those of a pad that was opened as a controller fails in pygame.
+    return Gamepad(controllers.Controller(known[0]), pygame.event.clear)
 
 
 def _pygame() -> Any:

@@ -51,7 +51,7 @@ def refusal(code: int, kind: int, length: int) -> str:
 @kernel
 def decode(
     report: UInt8[np.ndarray, " n"], length: int, counts: Int64[np.ndarray, " 6"], buttons: Int64[np.ndarray, " 1"]
-) -> int:
+) -> np.int64:
     """Take one report in.
 
     Args:

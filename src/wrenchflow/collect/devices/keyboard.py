@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -41,6 +41,7 @@ def help_lines() -> tuple[str, ...]:
     return ("  ".join(moves[:6]), "  ".join(moves[6:]), "  ".join([*buttons, f"speed: {speeds}"]))
 
 
+@runtime_checkable
 class KeySource(Protocol):
     """What keys come from: `wrenchflow.collect.keys.Keys`."""
 
@@ -148,4 +149,4 @@ class Keyboard:
             self._until_ns = dict.fromkeys(self._until_ns, now_ns + round(self._holds.silent_s * 1e9))
         else:
             held = self._holds.repeat_s if key.name in self._until_ns else self._holds.first_s
-            self._until_ns[key.name] = now_ns + round(held * 1e9)
+            self._until_ns[key.name] = max(self._until_ns.get(key.name, 0), now_ns + round(held * 1e9))

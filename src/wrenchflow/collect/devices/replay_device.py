@@ -1,5 +1,6 @@
 """What a person did once, done again: the device's reports of a recording, at their times relative to the first."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ class Replay:
         since_ns = now_ns - self._start_ns
         self._over = self._over or since_ns >= self._end_ns
         if self._over:
-            return Reading(t_ns=self._start_ns + self._end_ns)
+            return Reading(t_ns=self._start_ns + int(self._t_ns[-1]))
         # A clock that goes back takes no report back.
         self._index = max(self._index, int(np.searchsorted(self._t_ns, since_ns, side="right")) - 1)
         return Reading(
@@ -112,8 +113,8 @@ def _scale(meta: Any) -> int | None:
     for place in (("device",), ("collect", "twist_map")):
         found = meta
         for name in place:
-            found = found.get(name) if isinstance(found, dict) else None
-        scale = found.get("full_scale_counts") if isinstance(found, dict) else None
+            found = found.get(name) if isinstance(found, Mapping) else None
+        scale = found.get("full_scale_counts") if isinstance(found, Mapping) else None
         if isinstance(scale, int) and scale > 0:
             return scale
     return None

@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -21,6 +21,7 @@ _MOST_REPORTS = 256  # At one read. The kernel keeps 64, so only a driver that r
 _PAGE, _USAGE = 0x01, 0x08
 
 
+@runtime_checkable
 class Transport(Protocol):
     """Where reports come from: what `hidapi` calls a device."""
 
