@@ -1,6 +1,7 @@
 """The commands: what each takes, which stage it runs, and what it has to say of it."""
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,7 +19,14 @@ from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.errors import ConfigError
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
-from wrenchflow.told import doctor_lines, quickstart_lines, recording_lines, result_lines, validation_lines
+from wrenchflow.told import (
+    collect_lines,
+    doctor_lines,
+    quickstart_lines,
+    recording_lines,
+    result_lines,
+    validation_lines,
+)
 from wrenchflow.train.config import TrainConfig
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
@@ -117,20 +125,31 @@ class Collect(Stage):
 
     def run(self) -> dict[str, Any]:
         """Do it."""
+        from wrenchflow.collect.coverage import empty_coverage
         from wrenchflow.collect.folder import collect_folder
 
         collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite, resume=self.resume)
+        coverage = empty_coverage(self.config.task, self.config.rig)
         done = watch("collect", collecting, self.config.episodes)
+        for demonstration in done:
+            coverage = coverage.with_(demonstration)
         told: dict[str, Any] = {
             "episodes": len(done),
             "samples": sum(demonstration.samples for demonstration in done),
             "successes": sum(demonstration.outcome.success for demonstration in done),
+            "failures": dict(Counter(one.outcome.failure for one in done if not one.outcome.success)),
+            "tares_refused": sum(len(demonstration.refused) for demonstration in done),
+            "coverage": coverage.to_mapping(),
         }
         if self.config.realtime or self.config.live:
             told["late_ticks"] = sum(demonstration.late_ticks for demonstration in done)
             told["lost"] = sum(demonstration.lost for demonstration in done)
             told["problems"] = [problem for demonstration in done for problem in demonstration.problems] or None
         return told | {"out": str(self.out)}
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """Figures, and what has been covered."""
+        return collect_lines(result)
 
 
 @dataclass(frozen=True, kw_only=True)
