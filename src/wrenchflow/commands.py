@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from tqdm import tqdm
 from tyro.conf import Positional, arg
 
-from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.config import PEOPLE, CollectConfig
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
@@ -119,20 +119,32 @@ class Collect(Stage):
     out: Out
     config: Annotated[CollectConfig, _UNPREFIXED] = field(default_factory=CollectConfig)
     jobs: Jobs = 2
-    resume: Annotated[
-        bool, arg(help="Go on with OUT, finished or interrupted; --episodes is how many it will hold.")
-    ] = False
+    resume: Resume = False
+    review: Annotated[bool, arg(help="Ask after each attempt whether to keep it, where there is a terminal.")] = False
+    viewer: Annotated[bool, arg(help="Show the scene to a person with a device, where there is a display.")] = True
+    sound: Annotated[bool, arg(help="Let a person with a device hear a force that rises.")] = True
 
     def run(self) -> dict[str, Any]:
         """Do it."""
+        from wrenchflow.collect.board.choose import choose_board
         from wrenchflow.collect.coverage import empty_coverage
         from wrenchflow.collect.folder import collect_folder
 
-        collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite, resume=self.resume)
-        coverage = empty_coverage(self.config.task, self.config.rig)
-        done = watch("collect", collecting, self.config.episodes)
-        for demonstration in done:
-            coverage = coverage.with_(demonstration)
+        done, coverage = [], empty_coverage(self.config.task, self.config.rig)
+        with choose_board(self.config, has_sound=self.sound) as board:
+            for shown in collect_folder(
+                self.out,
+                self.config,
+                jobs=self.jobs,
+                overwrite=self.overwrite,
+                resume=self.resume,
+                board=board,
+                review=self.review,
+                viewer=self.viewer and self.config.operator in PEOPLE,
+            ):
+                board.add(shown)
+                done.append(shown)
+                coverage = coverage.with_(shown)
         told: dict[str, Any] = {
             "episodes": len(done),
             "samples": sum(demonstration.samples for demonstration in done),
@@ -141,7 +153,7 @@ class Collect(Stage):
             "tares_refused": sum(len(demonstration.refused) for demonstration in done),
             "coverage": coverage.to_mapping(),
         }
-        if self.config.realtime or self.config.live:
+        if self.config.is_paced:
             told["late_ticks"] = sum(demonstration.late_ticks for demonstration in done)
             told["lost"] = sum(demonstration.lost for demonstration in done)
             told["problems"] = [problem for demonstration in done for problem in demonstration.problems] or None

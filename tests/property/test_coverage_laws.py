@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchflow.collect.coverage import BINS, Box, Coverage, empty_coverage
@@ -86,7 +86,6 @@ def test_cells_are_equal_parts():
 
 
 @pytest.mark.parametrize("task", NAMES)
-@settings(deadline=None)
 def test_all_cells_of_a_task_can_be_reached(task):
     made, _, model = scenery(task)
     nothing, goals = empty_coverage(task), set()

@@ -3,10 +3,14 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from wrenchflow.collect.device_config import DeviceConfig
 from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
+
+# Operators that are a person with a device, and go by the clock.
+PEOPLE = ("spacemouse", "keyboard", "gamepad", "replay", "lerobot")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +43,8 @@ class CollectConfig(AttemptConfig):
 
     Attributes:
         episodes: How many attempts are recorded.
-        operator: Who demonstrates.
+        operator: Who demonstrates: scripted, emulated, hand-guided or blind-spiral, in virtual time; or a person with a
+            spacemouse, keyboard, gamepad, what lerobot drives, or the replay of a recording, which go by the clock.
         profiles: The people who take turns as the emulated operator, such as `steady novice`; without any, all.
         device_hz: Reports of the device a second.
         disturbance_m: Standard deviation of a slow disturbance of the tracked reference, which shows how errors are
@@ -50,6 +55,7 @@ class CollectConfig(AttemptConfig):
         compression: Of the recordings: zstd, lz4 or none.
         cameras: The rig's cameras that are recorded, such as `wrist scene`.
         camera: Size and rate of their pictures.
+        device: What a person holds.
         twist_map: How the device's axes move the target.
         time_limit_s: How long an attempt may last [s]; without it as long as the task says, but a minute for people.
         tares: How often the sensor is tared at most: once more where something moved or touched the arm.
@@ -67,6 +73,7 @@ class CollectConfig(AttemptConfig):
     compression: Literal["zstd", "lz4", "none"] = "zstd"
     cameras: tuple[str, ...] = ()
     camera: CameraConfig = field(default_factory=CameraConfig)
+    device: DeviceConfig = field(default_factory=DeviceConfig)
     twist_map: TwistMap = field(default_factory=TwistMap)
     time_limit_s: float | None = None
     tares: int = 3
@@ -83,3 +90,8 @@ class CollectConfig(AttemptConfig):
             raise ConfigError(f"cameras are {', '.join(self.cameras)}, expected each at most once.")
         if 1000 % self.device_hz:
             raise ConfigError(f"device_hz is {self.device_hz}, expected a divisor of the 1000 ticks a second.")
+
+    @property
+    def is_paced(self) -> bool:
+        """Whether ticks go by the clock."""
+        return self.realtime or self.live or self.operator in PEOPLE

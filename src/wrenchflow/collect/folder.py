@@ -2,15 +2,19 @@
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wrenchflow.collect import resume as resuming
+from wrenchflow.collect.board.board import Board, Nowhere
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.demonstration import Demonstration, demonstration_in, demonstration_of
+from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.operators_table import require_operator
 from wrenchflow.collect.session import demonstrate, known_of
 from wrenchflow.collect.sim_camera import views_of, without_what_cannot_be_drawn
+from wrenchflow.collect.sitting import Sitting
 from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import OutputError
@@ -47,6 +51,10 @@ def collect_folder(
     overwrite: bool = False,
     resume: bool = False,
     executor: Executor | None = None,
+    board: Board | None = None,
+    review: bool = False,
+    viewer: bool = False,
+    device: TeleopDevice | None = None,
 ) -> Iterator[Demonstration]:
     """Record `config.episodes` demonstrations into a folder, and yield what became of each.
 
@@ -57,11 +65,16 @@ def collect_folder(
         overwrite: Replace a folder that is there.
         resume: Go on with a folder that is there, finished or not; those of it that are there are yielded first.
         executor: Used in place of worker processes of its own.
+        board: Where it is shown how far all is, while somebody demonstrates by the clock.
+        review: Ask that person what shall become of each attempt.
+        viewer: Show that person the scene.
+        device: What that person holds, in place of what `config` names.
 
     Raises:
         OutputError: If `out` is there, and may be neither replaced nor gone on with.
         ConfigError: For a task, operator or rig that does not exist, or control limits beyond the hardware's.
         StartupError: If the cell is not fit to be started.
+        DeviceError: If a device is not there, or was lost.
     """
     _, rig, _ = scenery(config.task, config.rig)
     config = without_what_cannot_be_drawn(config)
@@ -71,15 +84,17 @@ def collect_folder(
         raise OutputError("--resume goes on with what is there and --overwrite replaces it: pass one of them.")
     if resume:
         resuming.require_same(out, config)
-    is_paced = config.realtime or config.live
-    with output_folder(out, overwrite=overwrite, resume=resume) as folder:
-        resuming.begin(folder, config, by_the_clock=is_paced)
+    # A device that is not there is told of before there is any folder.
+    sitting = Sitting(config, board or Nowhere(), review=review, viewer=viewer, device=device)
+    with (
+        sitting if config.is_paced else nullcontext(),
+        output_folder(out, overwrite=overwrite, resume=resume) as folder,
+    ):
+        resuming.begin(folder, config, by_the_clock=config.is_paced)
         there, missing = resuming.there_and_missing(folder, config)
-        startup = None if is_paced else check_cell(config)
+        startup = None if config.is_paced else check_cell(config)
         yield from map(demonstration_in, there)
-        if is_paced:
-            from wrenchflow.collect.realtime import demonstrate_in_real_time
-
+        if config.is_paced:
             (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
             with EmergencyStop() as stop:
                 try:
@@ -87,11 +102,22 @@ def collect_folder(
                 finally:  # Somebody who stops the check is told of the stop, not of what the check missed by it.
                     stop.require_none("Nothing was recorded.")
                 # One after the other: what runs by the clock shares a core with nothing.
-                for index in missing:
-                    yield demonstrate_in_real_time(index, config, folder, stop)
-                    stop.require_none(f"{index + 1} of {config.episodes} episodes are in '{folder}'.")
+                yield from sitting.run(missing, folder, stop, len(there))
         else:
             with black_boxes(out) as boxes:
                 yield from map_episodes(_Record(folder, boxes, config), missing, jobs=jobs, executor=executor)
-        write_manifest(folder, "collect", config, seed=config.seed, startup=startup)
+        whole = replace(config, episodes=_count(folder, config)) if sitting.is_last else config
+        write_manifest(folder, "collect", whole, seed=config.seed, startup=startup)
         resuming.end(folder)
+
+
+def _count(folder: Path, config: CollectConfig) -> int:
+    """How many there are where somebody wanted no more.
+
+    Raises:
+        OutputError: If there is none.
+    """
+    there, _ = resuming.there_and_missing(folder, config)
+    if not there:
+        raise OutputError(f"no episode was kept: '{folder}' holds what was discarded, if anything.")
+    return len(there)

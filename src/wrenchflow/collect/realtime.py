@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +12,21 @@ import numpy as np
 
 from wrenchflow import signals
 from wrenchflow.camera import View
+from wrenchflow.collect.board.row import EVERY_TICKS, Feed
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.demonstration import Demonstration, lost_of, problems_of, refused_of, who_of
+from wrenchflow.collect.desk import Desk
+from wrenchflow.collect.happenings import Happenings
+from wrenchflow.collect.on_clock import OnClock
 from wrenchflow.collect.session import Session, known_of
 from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.collect.tare import tares_of
+from wrenchflow.collect.viewer import SceneViewer
+from wrenchflow.collect.wishes import REDO
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
 from wrenchflow.control.emergency_stop import EmergencyStop
-from wrenchflow.errors import OutputError
+from wrenchflow.errors import DeviceError, OutputError
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import TAP_ROWS, Ring
 from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt, episode_id
@@ -32,7 +39,10 @@ from wrenchflow.source import Column, Source
 if TYPE_CHECKING:
     from wrenchflow.view.live import LiveView
 
-_HOLD_TICKS = 500  # Without a writer the arm holds where it is before it is let go of.
+_HOLD_TICKS = 500  # Without a writer or a device the arm holds where it is before it is let go of.
+PEOPLE_S = 60.0  # How long a person has for an attempt, where nobody says how long.
+# What an attempt fails by that somebody ended before it was done, and by what a device does.
+ENDED, DISCARDED, LOST = "operator: ended", "operator: discarded", "device: "
 _SPIN_NS = 150_000  # A sleep ends late; the last of it is spent awake.
 
 _TIMES = [("t_ns", "i8"), ("received_ns", "i8"), ("sequence", "i8")]
@@ -58,7 +68,7 @@ GOAL = Source(
 
 
 def demonstrate_in_real_time(
-    index: int, config: CollectConfig, folder: Path, stop: EmergencyStop | None = None
+    index: int, config: CollectConfig, folder: Path, stop: EmergencyStop | None = None, desk: Desk | None = None
 ) -> Demonstration:
     """Record one attempt while it happens; it is the attempt that virtual time would have, with other stamps.
 
@@ -67,6 +77,7 @@ def demonstrate_in_real_time(
         config: Task, operator, device and gains.
         folder: Where `<id>.mcap` goes.
         stop: What brakes the arm from outside; the attempt then ends as stopped, and is recorded to its end.
+        desk: Device, keys, board and window of somebody who demonstrates.
 
     Raises:
         OutputError: If the recorder cannot begin, or its writer dies; the arm holds first.
@@ -74,6 +85,11 @@ def demonstrate_in_real_time(
     task, rig, model = scenery(config.task, config.rig)
     views = views_of(config, rig)
     name = episode_id(config.task, config.seed, index)
+    desk = desk or Desk()
+    feed = desk.board.begin(name) if desk.board is not None else None
+    known = known_of(config, index)
+    if desk.device is not None:
+        known["device"] = {"name": desk.device.name, "full_scale_counts": desk.device.full_scale_counts}
     beat: _Beat | None = None
     with ExitStack() as stack:
 
@@ -81,7 +97,6 @@ def demonstrate_in_real_time(
             nonlocal beat
             if stop is not None:
                 stop.stops(attempt.controller.stop)
-            known = known_of(config, index)
             attachments = attempt.attachments(known)
             control, cameras, taps = CONTROL, [], {}
             if views:
@@ -107,6 +122,7 @@ def demonstrate_in_real_time(
                 compression=config.compression,
             )
             beat = _Beat(stack.enter_context(recorder), control, Looks(attempt.plant.data) if views else None, show)
+            beat.watchers = tuple(_watchers(beat, attempt, feed, desk.viewer))
             return beat
 
         attempt = Attempt(
@@ -116,20 +132,31 @@ def demonstrate_in_real_time(
             config,
             seed=(config.seed, index, DEMONSTRATE),
             beat=begin,
-            tares=tares_of(config),
-            time_limit_s=config.time_limit_s,
+            tares=tares_of(config, lambda why: _say(desk, f"the tare is refused, and done again: {why}")),
+            time_limit_s=config.time_limit_s or (None if desk.device is None else PEOPLE_S),
         )
         assert beat is not None  # An attempt begins its beat before its first tick.
-        session = Session(attempt, config)
+        device = None if desk.device is None else OnClock(desk.device, beat.offset_ns)
+        session, happenings = Session(attempt, config, device), Happenings()
         beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
+        if desk.wishes is not None:
+            desk.wishes.begin()
         while not attempt.over and beat.recorder.is_alive:
-            session.period()
+            try:
+                session.period()
+            except DeviceError as error:
+                attempt.end(f"{LOST}{error}")
+                happenings.see(attempt.now_ns, is_marked=False, problem=str(error))
+                attempt.follow(_HOLD_TICKS)  # The arm holds where the target was.
+                break
             report = session.report
             said = {name: report[name] for name in ("teleop/joy", "teleop/twist")}
             beat.store(DEVICE, int(report["t_ns"]), **said)
+            _look(desk, attempt, session, happenings, feed, config.device.patience_s)
         if not beat.recorder.is_alive:
             attempt.follow(_HOLD_TICKS)
-        for event in sorted((*attempt.events, *session.phases())):
+        events = (*attempt.events, *session.phases(), *happenings.events(attempt.now_ns - TICK_NS))
+        for event in sorted(events):
             beat.recorder.event(event.moved(beat.offset_ns))
         result = {**to_mapping(attempt.outcome), "late_ticks": beat.late}
         recorded = beat.recorder.finish(result, attempt.safety)
@@ -138,7 +165,7 @@ def demonstrate_in_real_time(
             id=name,
             samples=attempt.plant.count,
             outcome=attempt.outcome,
-            who=who_of(known_of(config, index)),
+            who=who_of(known),
             start_m=tuple((start_m - goal_m).tolist()),
             goal_m=tuple(goal_m.tolist()),
             refused=refused_of(attempt.events),
@@ -146,6 +173,42 @@ def demonstrate_in_real_time(
             lost=lost_of(recorded),
             problems=problems_of(recorded),
         )
+
+
+def _look(
+    desk: Desk, attempt: Attempt, session: Session, happenings: Happenings, feed: Feed | None, patience_s: float
+) -> None:
+    """After a period: what somebody wants, what went wrong, and what there is to be shown."""
+    report = session.report
+    gripper, mark = report["teleop/joy"][6:8] > 0.5
+    stuck_s = happenings.see(int(report["t_ns"]), is_marked=bool(mark), problem=session.problem)
+    if stuck_s > patience_s:
+        attempt.end(f"{LOST}{session.problem}")
+    if desk.wishes is not None and (ending := desk.wishes.look()):
+        attempt.end(DISCARDED if ending == REDO else ENDED)
+    if feed is not None:
+        buttons = int(gripper) | int(mark) << 1
+        phase = int(report["phase"])
+        feed.note(phase=phase, buttons=buttons, elapsed_s=attempt.elapsed_s, problem=session.problem)
+
+
+def _watchers(
+    beat: "_Beat", attempt: Attempt, feed: Feed | None, viewer: SceneViewer | None
+) -> Iterator[Callable[[int], None]]:
+    """Who is told of each tick that is over."""
+    if feed is not None:
+        ctl, recorder = attempt.controller.ctl, beat.recorder
+        yield lambda tick: feed.tick(tick, beat.late, recorder.dropped, ctl) if tick % EVERY_TICKS == 0 else None
+    if viewer is not None:
+        looks = Looks(attempt.plant.data)
+        yield lambda tick: viewer.tick(tick, looks)
+
+
+def _say(desk: Desk, text: str) -> None:
+    if desk.board is not None:
+        desk.board.say(text)
+    else:
+        logging.getLogger("wrenchflow").warning("%s", text)
 
 
 def _with_looks(size: int) -> Source:
@@ -172,11 +235,13 @@ class _Beat:
         recorder: Where rows go.
         offset_ns: From virtual time to the recorder's clock [ns], told at the first tick.
         late: Ticks that began more than a millisecond after their time.
+        watchers: Who is told of each tick that is over, by how many there have been.
     """
 
     def __init__(self, recorder: Recorder, control: Source, looks: Looks | None, show: "LiveView | None") -> None:
         self.recorder, self.offset_ns, self.late = recorder, 0, 0
         self._looks, self._show = looks, show
+        self.watchers: tuple[Callable[[int], None], ...] = ()
         self._start_ns = self._ticks = 0
         self._rows = {source.name: np.zeros(1, source.dtype) for source in (control, DEVICE, GOAL)}
         self._counts = dict.fromkeys(self._rows, 0)
@@ -191,6 +256,8 @@ class _Beat:
         if self._looks is not None:
             self._looks.into(self._rows[CONTROL.name]["looks"][0])
         self.store(CONTROL, int(row["t_ns"]), **{column.name: row[column.name] for column in COLUMNS})
+        for watch in self.watchers:
+            watch(self._ticks)
         self._wait(self._start_ns + self._ticks * TICK_NS)
 
     def store(self, source: Source, t_ns: int, **values: np.ndarray) -> None:
