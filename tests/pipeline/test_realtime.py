@@ -59,7 +59,7 @@ def test_what_is_recorded_while_it_happens_is_what_virtual_time_gives(tmp_path, 
 
 def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp_path, monkeypatch, unchecked, virtual):
     targets = []
-    begun = realtime._Beat.__init__
+    begun = realtime.Beat.__init__
 
     def begin_and_kill(self, recorder, *rest):
         begun(self, recorder, *rest)
@@ -71,7 +71,7 @@ def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp
         targets.append((target.copy(), ticks))
         return advance(self, target, ticks, *rest)
 
-    monkeypatch.setattr(realtime._Beat, "__init__", begin_and_kill)
+    monkeypatch.setattr(realtime.Beat, "__init__", begin_and_kill)
     monkeypatch.setattr(realtime.Attempt, "advance", seen)
     with unchecked(), pytest.raises(OutputError, match="died"):
         realtime.demonstrate_in_real_time(0, replace(CONFIG), tmp_path)

@@ -1,5 +1,7 @@
 """Laws of coverage: the order in which demonstrations come changes nothing, and none of them makes it less."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -70,6 +72,11 @@ def test_the_same_place_twice_is_covered_once(shown):
     twice = of(shown + shown)
     assert (twice.starts, twice.goals) == (of(shown).starts, of(shown).goals)
     assert twice.done == {who: 2 * count for who, count in of(shown).done.items()}
+
+
+@given(some)
+def test_it_travels_to_another_process(shown):
+    assert pickle.loads(pickle.dumps(of(shown))) == of(shown)
 
 
 @given(points)

@@ -93,6 +93,9 @@ class Coverage:
             done=_sum(self.done, other.done),
         )
 
+    def __reduce__(self):  # A MappingProxyType does not pickle, and a board may be drawn by another process.
+        return _made, (self.starts_box, self.goals_box, self.starts, self.goals, dict(self.tried), dict(self.done))
+
     def to_mapping(self) -> dict[str, object]:
         """Plain figures: cells that were seen of those there are, and successes of attempts by who made them."""
         return {
@@ -100,6 +103,24 @@ class Coverage:
             "goals": [len(self.goals), self.goals_box.cells],
             "successes_by": {who: [self.done.get(who, 0), count] for who, count in sorted(self.tried.items())},
         }
+
+
+def _made(
+    starts_box: Box,
+    goals_box: Box,
+    starts: frozenset[Cell],
+    goals: frozenset[Cell],
+    tried: dict[str, int],
+    done: dict[str, int],
+) -> Coverage:
+    return Coverage(
+        starts_box=starts_box,
+        goals_box=goals_box,
+        starts=starts,
+        goals=goals,
+        tried=MappingProxyType(tried),
+        done=MappingProxyType(done),
+    )
 
 
 def empty_coverage(task: str, rig: str | None = None) -> Coverage:

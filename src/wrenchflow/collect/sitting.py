@@ -98,6 +98,8 @@ class Sitting:
                 set_aside(folder / f"{shown.id}.mcap")
                 self._board.discard(shown)
                 stop.require_none(f"{there} of {total} episodes are in '{folder}'.")
+                if self.is_last:
+                    return
             there += 1
             yield shown
             stop.require_none(f"{there} of {total} episodes are in '{folder}'.")

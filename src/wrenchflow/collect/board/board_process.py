@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from multiprocessing.connection import Connection, wait
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -54,13 +55,13 @@ def run_board(job: Job, control: Connection) -> None:
 class _Drawn:
     """What is known, and where it is drawn."""
 
-    def __init__(self, job: Job, live: Live, tone: "Tone | None") -> None:
+    def __init__(self, job: Job, live: Live, tone: Tone | None) -> None:
         self._facts, self._tally, self._live, self._tone = job.facts, job.tally, live, tone
         self._id = self._question = ""
         self._row: np.void | None = None
         self._rate_hz, self._from_s, self._from_tick = 0.0, 0.0, 0
 
-    def hear(self, what: str, value: object) -> bool:
+    def hear(self, what: str, value: Any) -> bool:
         """Take in what happened; returns whether it is over."""
         if what == "begin":
             self._id, self._row, self._rate_hz, self._from_s = str(value), None, 0.0, 0.0

@@ -54,7 +54,12 @@ class LiveBoard:
 
     def __enter__(self) -> Self:
         """Start to draw."""
-        self._process.start()
+        try:
+            self._process.start()
+        except BaseException:
+            self._ring.close()
+            self._ring.unlink()
+            raise
         assert self._theirs is not None
         self._theirs.close()
         self._theirs = None

@@ -77,7 +77,7 @@ def _state(facts: Facts, row: np.void, rate_hz: float) -> Text:
 def _bars(wrench: np.ndarray, limit_n: float) -> Table:
     table = Table.grid(padding=(0, 1))
     for name, force_n in zip(_AXES, [*wrench[:3], np.linalg.norm(wrench[:3])], strict=True):
-        table.add_row(name, Text(f"{force_n:6.1f} N", justify="right"), _bar(abs(force_n) / limit_n))
+        table.add_row(name, Text(f"{force_n:6.1f} N", justify="right"), _bar(float(abs(force_n)) / limit_n))
     table.add_row("", "", Text(" " * round(_BAR / _BEYOND) + f"^ {limit_n:.0f} N"))
     return table
 

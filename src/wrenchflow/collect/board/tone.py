@@ -3,9 +3,13 @@
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
+
+from wrenchflow.collect.devices.needs import load
+from wrenchflow.errors import DeviceError
 
 FROM_SHARE = 0.5  # Of the force that the arm draws back from; below it is silence.
 _SLOWEST_S, _FASTEST_S = 0.8, 0.2
@@ -47,13 +51,30 @@ def _bell() -> None:
 def _loudspeaker() -> Callable[[], None] | None:
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # It greets on stdout, where results go.
     try:
-        import pygame
-
-        pygame.mixer.init(_SAMPLES_HZ, -16, 1)
-    except (ImportError, RuntimeError):  # None is installed, or there is none to be heard.
+        pygame = load("pygame", package="pygame", device="loudspeaker")
+        with _nothing_on_stderr():
+            pygame.mixer.init(_SAMPLES_HZ, -16, 1)
+    except (DeviceError, RuntimeError):  # None is installed, or there is none to be heard.
         return None
     t = np.arange(round(_TONE_S * _SAMPLES_HZ)) / _SAMPLES_HZ
     # It swells and fades, or it would click.
     wave = np.sin(2.0 * np.pi * _TONE_HZ * t) * np.sin(np.pi * t / _TONE_S) * 8000.0
     sound = pygame.mixer.Sound(buffer=wave.astype(np.int16).tobytes())
-    return lambda: sound.play() and None
+
+    def beep() -> None:
+        sound.play()
+
+    return beep
+
+
+@contextmanager
+def _nothing_on_stderr() -> Iterator[None]:
+    """Sound libraries written in C tell the terminal at length that there is no sound."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
