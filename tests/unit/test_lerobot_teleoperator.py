@@ -352,6 +352,11 @@ class TestConnect:
             connect("so101_leader", settings, leader=LeaderConfig(kinematics=PANDA))
         assert capsys.readouterr().out == ""
 
+    def test_without_lerobot_it_says_what_to_install(self, monkeypatch):
+        monkeypatch.setitem(sys.modules, "lerobot.teleoperators", None)
+        with pytest.raises(DeviceError, match=r"'phone' is driven by LeRobot.*install lerobot>=0\.6"):
+            connect("phone", {})
+
     def test_its_own_gamepad_moves_an_arm_and_talks_on_stderr(self):
         # In a process of its own: LeRobot ends SDL when it lets go of the pad.
         source, harness = Path(wrenchflow.__file__).parents[1], Path(__file__).parents[1] / "harness"

@@ -6,11 +6,13 @@ from typing import Literal
 from wrenchflow.collect.device_config import DeviceConfig
 from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.config import require_at_least, require_positive
+from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
 
 # Operators that are a person with a device, and go by the clock.
 PEOPLE = ("spacemouse", "keyboard", "gamepad", "replay", "lerobot")
+TIMED = ("scripted", "blind-spiral")  # They are judged by the time that a policy has.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +48,7 @@ class CollectConfig(AttemptConfig):
         operator: Who demonstrates: scripted, emulated, hand-guided or blind-spiral, in virtual time; or a person with a
             spacemouse, keyboard, gamepad, what lerobot drives, or the replay of a recording, which go by the clock.
         profiles: The people who take turns as the emulated operator, such as `steady novice`; without any, all.
+        guided: How stiffly the arm is held while a hand leads it; in place of `impedance`, for `hand-guided`.
         device_hz: Reports of the device a second.
         disturbance_m: Standard deviation of a slow disturbance of the tracked reference, which shows how errors are
             put right [m]; recorded targets are without it.
@@ -65,6 +68,7 @@ class CollectConfig(AttemptConfig):
     episodes: int = 10
     operator: str = "scripted"
     profiles: tuple[str, ...] = ()
+    guided: Impedance = field(default_factory=lambda: Impedance(translation_n_m=75.0, rotation_nm_rad=5.0))
     device_hz: int = 200
     disturbance_m: float = 0.0003
     disturbance_s: float = 0.2
@@ -78,6 +82,11 @@ class CollectConfig(AttemptConfig):
     time_limit_s: float | None = None
     tares: int = 3
     tare_wait_s: float = 1.0
+
+    @property
+    def patience(self) -> float:
+        """How long an attempt may last, over the task's own time limit: people are given three times as long."""
+        return 1.0 if self.operator in TIMED else 3.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -44,6 +44,8 @@ HAND = record_dtype(
         ("stroke_s_bit", "f8"),  # Fitts: a bit of difficulty takes so much longer
         ("stroke_miss", "f8"),  # standard deviation of where a stroke ends over its length
         ("stroke_rest_s", "f8"),  # between two
+        ("bow", "f8"),  # how far a stroke goes aside, over its length
+        ("bow_way", "f8", 3),  # whereto, as far as it is across the stroke
         ("near_m", "f8"),  # nobody makes a stroke for less
         ("disturbance_m", "f8"),  # of the arm, not of the hand
         ("disturbance_s", "f8"),
@@ -64,6 +66,7 @@ HAND = record_dtype(
         ("stroke_T", "f8"),
         ("stroke_from", "f8", 3),
         ("stroke_to", "f8", 3),
+        ("stroke_aside", "f8", 3),
         ("seen", PERCEIVED),
         ("wanted", WANTED),
         ("goal_x", "f8", 3),
@@ -160,13 +163,21 @@ def _reach(hand, teleop, period_s, white):
         for i in range(3):
             way = hand.stroke_to[i] - hand.stroke_from[i]
             hand.stroke_to[i] = hand.stroke_from[i] + share * way + hand.stroke_miss * far * white[27 + i]
+            hand.stroke_aside[i] = way / far
+        along = 0.0
+        for i in range(3):
+            along += hand.bow_way[i] * hand.stroke_aside[i]
+        for i in range(3):
+            hand.stroke_aside[i] = hand.bow * share * far * (hand.bow_way[i] - along * hand.stroke_aside[i])
         hand.is_stroke, hand.stroke_t = 1, 0.0
         hand.strokes += 1
     hand.stroke_t += period_s
     s = min(hand.stroke_t / hand.stroke_T, 1.0)
     done = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+    aside = math.sin(math.pi * done) ** 2
     for i in range(3):
-        hand.x[i] = hand.stroke_from[i] + done * (hand.stroke_to[i] - hand.stroke_from[i])
+        way = hand.stroke_to[i] - hand.stroke_from[i]
+        hand.x[i] = hand.stroke_from[i] + done * way + aside * hand.stroke_aside[i]
     if s >= 1.0:
         hand.is_stroke, hand.stroke_t = 0, 0.0
 

@@ -10,6 +10,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.hand import HAND, MEMORY
 from wrenchflow.collect.skills.decide import skill_of
 from wrenchflow.config import to_mapping
+from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.sim.attempt import PERSON
 
@@ -32,6 +33,7 @@ class Profile:
         eye_m: Of where the goal seems to be, besides the scene's own error [m].
         stroke_miss: Standard deviation of where a stroke ends over its length.
         stroke_rest_s: Between two strokes [s].
+        bow: How far a stroke goes aside, over its length; everybody has a side of their own.
     """
 
     pace: float = 1.0
@@ -47,14 +49,15 @@ class Profile:
     eye_m: float = 0.0002
     stroke_miss: float = 0.06
     stroke_rest_s: float = 0.12
+    bow: float = 0.3
 
 
 PROFILES: Mapping[str, Profile] = MappingProxyType(
     {
         "steady": Profile(),
-        "brisk": Profile(pace=1.7, press=1.15, delay_s=0.08, grip_s=0.12, motor_noise=0.18, stroke_miss=0.10),
-        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.06),
-        "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.12),
+        "brisk": Profile(pace=1.7, press=1.15, delay_s=0.08, grip_s=0.12, motor_noise=0.18, stroke_miss=0.10, bow=0.05),
+        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.06, bow=0.9),
+        "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.12, bow=0.5),
         "novice": Profile(
             pace=0.85,
             press=1.2,
@@ -69,6 +72,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             eye_m=0.0004,
             stroke_miss=0.15,
             stroke_rest_s=0.2,
+            bow=0.9,
         ),
     }
 )
@@ -79,7 +83,7 @@ _PACED = ("speed_m_s", "landing_m_s", "insert_m_s")
 _PRESSED = ("press_n",)
 _OF_THE_HAND = (
     *("grip_s", "hand_s", "motor_noise", "tremor", "tremor_hz", "feel_noise", "eye_m"),
-    *("stroke_miss", "stroke_rest_s"),
+    *("stroke_miss", "stroke_rest_s", "bow"),
 )
 
 
@@ -104,13 +108,16 @@ def person_of(config: CollectConfig, index: int) -> tuple[str, Profile]:
     return name, Profile(**{trait: value * float(np.exp(_VARIES * rng.normal())) for trait, value in usual.items()})
 
 
-def make_hand(person: Profile, config: CollectConfig, rng: np.random.Generator) -> np.ndarray:
+def make_hand(
+    person: Profile, config: CollectConfig, rng: np.random.Generator, impedance: Impedance | None = None
+) -> np.ndarray:
     """The hand of a person.
 
     Args:
         person: What that person is like today.
         config: Task, device, and how stiffly the target is followed.
         rng: For what leaks from which axis into which.
+        impedance: What holds the tool on the way to the target, if it is not the arm's.
 
     Returns:
         One `HAND` record. Shape (1,).
@@ -119,7 +126,7 @@ def make_hand(person: Profile, config: CollectConfig, rng: np.random.Generator) 
         ConfigError: If nobody knows how to do the task.
     """
     hand = np.zeros(1, HAND)
-    hand["task"], skill = skill_of(config.task, config.impedance)
+    hand["task"], skill = skill_of(config.task, impedance or config.impedance)
     for trait in _PACED:
         skill[trait] *= person.pace
     for trait in _PRESSED:
@@ -129,6 +136,8 @@ def make_hand(person: Profile, config: CollectConfig, rng: np.random.Generator) 
     for trait in _OF_THE_HAND:
         hand[trait] = getattr(person, trait)
     hand["crosstalk"] = rng.normal(size=(6, 6)) * person.crosstalk * (1.0 - np.eye(6))
+    side = np.array([*rng.normal(size=2), abs(rng.normal())])  # Never down, where the goal is.
+    hand["bow_way"] = side / np.linalg.norm(side)
     hand["slow_s"], hand["motor_noise_s"], hand["drift_s"] = 0.05, 0.05, 0.5
     hand["stroke_s"], hand["stroke_s_bit"], hand["near_m"] = 0.1, 0.08, 0.003
     hand["disturbance_m"], hand["disturbance_s"] = config.disturbance_m, config.disturbance_s

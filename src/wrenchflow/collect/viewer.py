@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -55,7 +54,7 @@ class SceneViewer:
         self._process.start()
         theirs.close()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "SceneViewer":
         """Wait until it is open, or say why there is none."""
         said = "it did not open in time"
         if self._control.poll(_START_S):

@@ -1,4 +1,4 @@
-"""HID devices: a SpaceMouse, and whether we may read it."""
+"""Devices to steer an arm with: a SpaceMouse and a gamepad, and whether we may read them."""
 
 import os
 from dataclasses import dataclass
@@ -102,4 +102,44 @@ def check_spacemouse(found: list[HidDevice]) -> Check:
             figures=figures,
         )
     said = ", ".join(f"{mouse.name} at {mouse.path}" for mouse in mice)
+    return Check(name=name, state="ok", found=f"{said}, readable", figures=figures)
+
+
+def check_gamepad(inputs: Path = Path("/dev/input"), classes: Path = Path("/sys/class/input")) -> Check:
+    """Whether the kernel knows a gamepad or joystick, and whether it can be read.
+
+    Args:
+        inputs: Where the device files are.
+        classes: Where the kernel describes them.
+    """
+    name = "gamepad"
+    pads = {}
+    for path in sorted(classes.glob("js*")):
+        try:
+            label = (path / "device" / "name").read_text(errors="replace").strip()
+        except OSError:
+            label = "unknown"  # It was unplugged just now.
+        # The pad is read through the event file of the same device.
+        events = sorted((path / "device").glob("event*"))
+        readable = bool(events) and os.access(inputs / events[0].name, os.R_OK)
+        pads[str(inputs / path.name)] = (label, readable)
+    figures = {path: f"{label}, {'readable' if ok else 'not readable'}" for path, (label, ok) in pads.items()}
+    if not pads:
+        return Check(
+            name=name,
+            state="missing",
+            found="no gamepad",
+            means="Nobody can steer an arm by one here; scripted operators need no device.",
+            todo="Plug one in or pair it; in a container, --device /dev/input.",
+        )
+    said = ", ".join(f"{label} at {path}" for path, (label, _) in pads.items())
+    if not all(ok for _, ok in pads.values()):
+        return Check(
+            name=name,
+            state="warning",
+            found=f"{said}, which we may not read",
+            means="It is there, but nothing that it says is heard.",
+            todo="Join the group `input` (sudo usermod -aG input $USER), and log in again.",
+            figures=figures,
+        )
     return Check(name=name, state="ok", found=f"{said}, readable", figures=figures)

@@ -111,7 +111,7 @@ class Attempt:
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
-        self.time_limit_s = task.time_limit_s if time_limit_s is None else time_limit_s
+        self.time_limit_s = task.time_limit_s * config.patience if time_limit_s is None else time_limit_s
         again_s = 0.0 if tares is None else (tares.most - 1) * (config.tare_s + tares.wait_s + TICK_S)
         capacity_s = config.tare_s + again_s + self.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
@@ -182,7 +182,7 @@ class Attempt:
             count: Periods, fewer where time runs out, and one only while the arm is stopped.
             drive: As of `follow`.
         """
-        left = math.ceil((self.task.time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
+        left = math.ceil((self.time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
         count = 1 if self.controller.mode == "latched" else max(1, min(count, left))
         first = self.plant.count
         self._run(ticks * count, drive)

@@ -29,6 +29,11 @@ class AttemptConfig:
     impedance: Impedance = field(default_factory=Impedance)
     control: ControlConfig = field(default_factory=ControlConfig)
 
+    @property
+    def patience(self) -> float:
+        """How long an attempt may last, over the task's own time limit."""
+        return 1.0
+
     def __post_init__(self) -> None:
         require_at_least(1, episodes=self.episodes)
         if not 0.4 <= self.tare_s <= 60.0:  # Its second half is what the bias is told from.

@@ -2,7 +2,7 @@
 
 import sys
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from wrenchflow.collect.board.row import Feed
 from wrenchflow.collect.board.tally import Tally, told
@@ -12,7 +12,9 @@ from wrenchflow.collect.demonstration import Demonstration
 class Board(Protocol):
     """What a session tells. None of it waits for anybody who looks."""
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> "Board":
+        """Begin to show."""
+        ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -42,7 +44,7 @@ class Board(Protocol):
 class Nowhere:
     """Nobody looks."""
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Nowhere":
         return self
 
     def __exit__(

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from wrenchflow.collect.board.look import Facts
 from wrenchflow.collect.board.row import ROW, ROWS_WAITING, Feed
@@ -52,7 +52,7 @@ class LiveBoard:
         self._process = context.Process(target=_run, args=(job, theirs), name="wrenchflow-board", daemon=True)
         self._handler = _ToBoard(self)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "LiveBoard":
         """Start to draw."""
         try:
             self._process.start()

@@ -3,7 +3,6 @@
 import sys
 import time
 from types import TracebackType
-from typing import Self
 
 from rich.console import Console, RenderableType
 from rich.live import Live
@@ -25,7 +24,7 @@ class Screen:
         self._live = Live(console=Console(file=sys.stderr), auto_refresh=False, transient=True, redirect_stdout=False)
         self._start_s = time.monotonic()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Screen":
         """Begin to draw."""
         self._live.start()
         self._draw()

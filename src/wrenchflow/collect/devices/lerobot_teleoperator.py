@@ -164,7 +164,9 @@ def connect(
             from lerobot.teleoperators import TeleoperatorConfig, make_teleoperator_from_config
             from lerobot.utils.import_utils import register_third_party_plugins
         except ImportError as error:
-            raise DeviceError(f"a '{kind}' is driven by LeRobot, which is not installed: {error}") from error
+            raise DeviceError(
+                f"a '{kind}' is driven by LeRobot, which cannot be loaded ({error}): install lerobot>=0.6,<0.7."
+            ) from error
         _load_kinds()
         register_third_party_plugins()
         kinds = TeleoperatorConfig.get_known_choices()
