@@ -14,7 +14,7 @@ from wrenchflow.collect.demonstration import Demonstration, lost_of, problems_of
 from wrenchflow.collect.desk import Desk
 from wrenchflow.collect.happenings import Happenings
 from wrenchflow.collect.on_clock import OnClock
-from wrenchflow.collect.session import Session, known_of
+from wrenchflow.collect.session import Session, compliant, known_of
 from wrenchflow.collect.sim_camera import SimCamera, views_of
 from wrenchflow.collect.sources import CONTROL, DEVICE, GOAL, with_looks
 from wrenchflow.collect.tare import tares_of
@@ -55,6 +55,7 @@ def demonstrate_in_real_time(
     Raises:
         OutputError: If the recorder cannot begin, or its writer dies; the arm holds first.
     """
+    config = compliant(config)
     task, rig, model = scenery(config.task, config.rig)
     views = views_of(config, rig)
     name = episode_id(config.task, config.seed, index)

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from wrenchflow import signals
-from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.config import PEOPLE, CollectConfig
 from wrenchflow.collect.devices.device import TeleopDevice
+from wrenchflow.collect.devices.emulated_spacemouse import FULL_SCALE_COUNTS
 from wrenchflow.collect.follow import PERIOD, Follower, note
 from wrenchflow.collect.hand_driver import HandDriver
 from wrenchflow.collect.operators_table import make_driver
@@ -82,6 +83,8 @@ def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
     # How many there are is nothing to any of them.
     configured = {name: value for name, value in to_mapping(config).items() if name != "episodes"}
     known = {"operator": config.operator, "collect": configured}
+    if config.operator not in (*PEOPLE, "hand-guided"):
+        known["device"] = {"name": "emulated-spacemouse", "full_scale_counts": FULL_SCALE_COUNTS}
     if config.operator not in ("emulated", "hand-guided"):
         return known
     name, person = person_of(config, index)

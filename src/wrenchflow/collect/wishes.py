@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable, Collection
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 KEEP, REDO, STOP = "right", "left", "escape"
 HELP = "right: end and keep   left: discard and redo   escape: stop after this one   Ctrl-C: emergency stop"
 _NAP_S = 0.02
 
 
+@runtime_checkable
 class PressedKeys(Protocol):
     """Where keys come from: `collect.keys.Keys`."""
 

@@ -2,13 +2,14 @@
 
 import sys
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from wrenchflow.collect.board.row import Feed
 from wrenchflow.collect.board.tally import Tally, told
 from wrenchflow.collect.demonstration import Demonstration
 
 
+@runtime_checkable
 class Board(Protocol):
     """What a session tells. None of it waits for anybody who looks."""
 
