@@ -14,6 +14,7 @@ import pytest
 from wrenchflow.collect import folder as collecting
 from wrenchflow.collect import realtime
 from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.demonstration import demonstration_of
 from wrenchflow.collect.folder import collect_folder
 from wrenchflow.collect.session import demonstrate
 from wrenchflow.control.safeguards import MODES
@@ -129,7 +130,9 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
     stdout, stderr = running.communicate(timeout=60.0)
     assert (running.returncode, stdout) == (code, "")
     said = {1: "emergency stop by SIGUSR1: the arm was braked.", 143: "terminated.", 130: "interrupted."}[code]
-    assert stderr == f"wrenchflow: {said} 1 of 2 episodes are in '{folder}'.\n"
+    line, last = stderr.splitlines()
+    assert line.startswith("1 of 2  ")
+    assert last == f"wrenchflow: {said} 1 of 2 episodes are in '{folder}'."
     (path,) = folder.glob("*.mcap")
     assert validate(path).problems == ()
     episode = read_episode(path)
@@ -183,12 +186,14 @@ def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
         assert all(bytes(picture[0]) == data[stamp] for stamp, picture in zip(t.tolist(), pictures, strict=True))
 
 
-def test_what_an_interrupted_run_recorded_is_not_done_away_with(tmp_path, monkeypatch, unchecked):
-    def interrupted(index, config, folder, stop):
+def test_what_an_interrupted_run_recorded_is_not_done_away_with(tmp_path, monkeypatch, unchecked, virtual):
+    done = demonstration_of(virtual)
+
+    def interrupted(index, config, folder, stop, desk):
         if index == 1:
             raise KeyboardInterrupt
         (folder / "0000.mcap").write_text("a demonstration")
-        return "done"
+        return done
 
     monkeypatch.setattr(realtime, "demonstrate_in_real_time", interrupted)
     with unchecked():
