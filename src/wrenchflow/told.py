@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
+from wrenchflow.collect.coverage_told import coverage_told
 from wrenchflow.pages.page import chance
 
 
@@ -24,13 +25,6 @@ def collect_lines(result: Mapping[str, Any]) -> list[str]:
     """What `collect` recorded, and how much of what can happen that has shown."""
     plain = {key: value for key, value in result.items() if key not in ("coverage", "out")}
     return result_lines({**plain, **coverage_told(result["coverage"]), "out": result["out"]})
-
-
-def coverage_told(coverage: Mapping[str, Any]) -> dict[str, str]:
-    """Cells that were seen of those there are, and successes of attempts by who made them, in a few words each."""
-    shares = {name: f"{coverage[name][0]} of {coverage[name][1]} cells" for name in ("starts", "goals")}
-    people = ", ".join(f"{who} {done} of {tried}" for who, (done, tried) in coverage["successes_by"].items())
-    return {**shares, "successes_by": people or "nobody yet"}
 
 
 def _said(value: Any) -> str:

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wrenchflow.collect.board.tally import Tally
-from wrenchflow.told import coverage_told
+from wrenchflow.collect.coverage_told import coverage_told
 
 _BAR = 40
 _BEYOND = 1.25  # A bar reaches a quarter further than the limit.
