@@ -39,13 +39,14 @@ def run_board(job: Job, control: Connection) -> None:
             is_over = False
             while not is_over:
                 wait([control, parent.sentinel], _POLL_S)
+                drawn.see(ring.take())  # First, for they are of what was, whatever is told now.
                 while not is_over and control.poll():
                     try:
                         is_over = drawn.hear(*control.recv())
                     except (EOFError, OSError):
                         is_over = True
                 is_over = is_over or not parent.is_alive()
-                drawn.draw(ring.take())
+                drawn.draw()
     finally:
         ring.close()
         if not parent.is_alive():
@@ -78,13 +79,16 @@ class _Drawn:
             self._question = str(value)
         return what == "finish"
 
-    def draw(self, rows: np.ndarray) -> None:
-        """Draw all of it, with the newest of some rows."""
+    def see(self, rows: np.ndarray) -> None:
+        """Take in the newest of some rows."""
         if len(rows):
             self._row = rows[-1]
             self._count(int(rows[-1]["tick"]))
             if self._tone is not None:
                 self._tone.hear(float(np.linalg.norm(rows[-1]["wrench"][:3])) / self._facts.limit_n)
+
+    def draw(self) -> None:
+        """Draw all of it."""
         picture = look(self._facts, self._tally, self._id, self._row, self._rate_hz, self._question)
         self._live.update(picture, refresh=True)
 
