@@ -158,8 +158,12 @@ def _look(
     stuck_s = happenings.see(int(report["t_ns"]), is_marked=bool(mark), problem=session.problem)
     if stuck_s > patience_s:
         attempt.end(f"{LOST}{session.problem}")
-    if desk.wishes is not None and (ending := desk.wishes.look()):
-        attempt.end(DISCARDED if ending == REDO else ENDED)
+    if desk.wishes is not None:
+        was_last, ending = desk.wishes.is_last, desk.wishes.look()
+        if desk.wishes.is_last and not was_last:
+            _say(desk, "this attempt is the last one.")
+        if ending:
+            attempt.end(DISCARDED if ending == REDO else ENDED)
     if feed is not None:
         buttons = int(gripper) | int(mark) << 1
         phase = int(report["phase"])
