@@ -51,6 +51,7 @@ SKILL = record_dtype(
         # In contact.
         ("touch_n", "f8"),  # contact is felt from here on
         ("press_n", "f8"),
+        ("press_taste", "f8"),  # how far people press as they like, 1, or as the task demands, 0
         ("press_step_n", "f8"),  # how far the wanted press may be ahead of the felt one
         ("search_margin_m", "f8"),  # lead over what friction holds, where the wrench says where to go
         ("walk_margin_m", "f8"),  # and where it does not
@@ -58,6 +59,22 @@ SKILL = record_dtype(
         ("pitch_m", "f8"),  # of the spiral that is walked then
         ("inside_m", "f8"),  # so deep the tool is in
         ("insert_m_s", "f8"),
+        # Along a way.
+        ("wipe_m_s", "f8"),
+        ("press_gain", "f8"),  # share of a wrong press that is put right at once
+        ("uneven_n", "f8"),  # a press that is as wrong stops the tool
+        # A plug.
+        ("near_m", "f8"),  # so low above the goal, place and turn are kept
+        ("lever_x_m", "f8"),  # distance of the centre of pressure from which on it is followed as fast as may be
+        ("lever_y_m", "f8"),
+        ("turn_margin_rad", "f8"),  # lead of the turn
+        ("turn_moment_nm", "f8"),  # moment from which on it is turned as fast as may be
+        ("snap_m", "f8"),  # so deep the latch begins
+        ("push_n", "f8"),  # over the latch, at most
+        ("push_gain", "f8"),  # push that is wanted for each newton that is felt
+        ("seated_m", "f8"),
+        ("hold_n", "f8"),  # press of a tool that is seated
+        ("force_limit_n", "f8"),  # never to be wanted, all directions together
     ]
 )
 
