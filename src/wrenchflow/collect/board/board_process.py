@@ -64,8 +64,10 @@ class _Drawn:
 
     def hear(self, what: str, value: Any) -> bool:
         """Take in what happened; returns whether it is over."""
+        if what in ("begin", "add", "discard"):
+            self._row, self._rate_hz, self._from_s = None, 0.0, 0.0  # Of an attempt that is over.
         if what == "begin":
-            self._id, self._row, self._rate_hz, self._from_s = str(value), None, 0.0, 0.0
+            self._id = str(value)
         elif what == "add":
             self._tally = self._tally.with_(value)
             if not value.was_there:
