@@ -20,7 +20,7 @@ from wrenchflow.robot_limits import RobotLimits, Vector3
 Pose = tuple[float, float, float, float, float, float, float]
 
 _PACKAGE = resources.files("wrenchflow")
-RIGS = {"panda_peg": _PACKAGE / "panda_peg.toml"}
+RIGS = {name: _PACKAGE / f"{name}.toml" for name in ("panda_peg", "panda_plug", "panda_wiper")}
 ROBOTS = {name: _PACKAGE / "robots" / f"{name}.toml" for name in ("fr3", "panda")}
 
 
@@ -140,18 +140,41 @@ def load_rig(name_or_path: str) -> Rig:
     """Load a rig that comes with wrenchflow by its name, or any other by the path of its TOML file.
 
     Its `robot` is a whole table, the name of a robot that comes with wrenchflow, or the path of a TOML file, from the
-    rig's own folder on.
+    rig's own folder on. With `extends`, the name or, likewise, the path of another rig, it is that rig but for what it
+    says itself: tables are taken over key by key, and lists as a whole.
 
     Raises:
         ConfigError: If there is no such rig or robot, or it makes no sense.
     """
     place = _find("rig", name_or_path, RIGS, Path())
-    values = read_toml(place)
-    robot = values.get("robot")
+    return from_mapping(Rig, _read_rig(place, ()), where=place.name)
+
+
+def _read_rig(place: Path | Traversable, extended_by: tuple[Path | Traversable, ...]) -> dict[str, Any]:
+    """The values of a rig, with those of the rigs that it extends; a recording then carries all of them."""
+    # The same file, whichever of ever longer ways leads to it.
+    known = place.resolve() if isinstance(place, Path) else place
+    if known in extended_by:
+        chain = " extends ".join(f"'{rig.name}'" for rig in (*extended_by, known))
+        raise ConfigError(f"rig {chain}, expected a rig that ends this.")
+    values, folder = read_toml(place), place.parent if isinstance(place, Path) else Path()
+    robot, base = values.get("robot"), values.pop("extends", None)
     if isinstance(robot, str):
-        folder = place.parent if isinstance(place, Path) else Path()
         values["robot"] = to_mapping(_load_robot(_find("robot", robot, ROBOTS, folder)))
-    return from_mapping(Rig, values, where=place.name)
+    if base is None:
+        return values
+    if not isinstance(base, str):
+        raise ConfigError(f"{place.name}.extends: expected the name or the path of a rig, got {base!r}.")
+    return _merged(_read_rig(_find("rig", base, RIGS, folder), (*extended_by, known)), values)
+
+
+def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """`base` with `values` put over it, tables key by key."""
+    merged = dict(base)
+    for key, value in values.items():
+        under = base.get(key)
+        merged[key] = _merged(under, value) if isinstance(under, dict) and isinstance(value, dict) else value
+    return merged
 
 
 def load_robot(name_or_path: str) -> RobotLimits:

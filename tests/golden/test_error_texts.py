@@ -49,7 +49,7 @@ def ask_for_no_time() -> None:
         (
             lambda: load_rig("ur5"),
             "ConfigError",
-            "unknown rig 'ur5'. Available: panda_peg. A rig of your own is named by its .toml file.",
+            "unknown rig 'ur5'. Available: panda_peg, panda_wiper. A rig of your own is named by its .toml file.",
         ),
         (ask_for_no_time, "ControlError", "a segment lasts at least 1 tick, got 0."),
     ],

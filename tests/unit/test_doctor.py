@@ -10,7 +10,7 @@ import pytest
 
 from wrenchflow.doctor import packages, realtime, rendering
 from wrenchflow.doctor.check import Check, bytes_said, seconds_said
-from wrenchflow.doctor.devices import check_spacemouse, hid_devices
+from wrenchflow.doctor.devices import check_gamepad, check_spacemouse, hid_devices
 from wrenchflow.doctor.disk import check_disk
 from wrenchflow.doctor.machine import check_governor
 from wrenchflow.doctor.probe import ask
@@ -122,6 +122,21 @@ def test_a_spacemouse_is_known_by_its_maker(tmp_path, uevent, monkeypatch):
     check = spacemouse(tmp_path)
     assert check.state == "warning"
     assert f'ATTRS{{idVendor}}=="{uevent.split(":")[1][4:].lower()}"' in check.todo
+
+
+def test_a_gamepad_is_found_by_its_kernel_names(tmp_path, monkeypatch):
+    inputs, classes = tmp_path / "input", tmp_path / "class"
+    inputs.mkdir()
+    assert check_gamepad(inputs, classes).state == "missing"
+    (classes / "js0" / "device" / "event7").mkdir(parents=True)
+    (classes / "js0" / "device" / "name").write_text("Some Pad\n")
+    (classes / "event7").mkdir()
+    assert check_gamepad(inputs, classes).state == "warning"
+    (inputs / "event7").touch()
+    check = check_gamepad(inputs, classes)
+    assert (check.state, check.found) == ("ok", f"Some Pad at {inputs}/js0, readable")
+    monkeypatch.setattr("wrenchflow.doctor.devices.os.access", lambda path, mode: False)
+    assert "group `input`" in check_gamepad(inputs, classes).todo
 
 
 def test_real_time_scheduling_is_tried_and_given_back(monkeypatch):

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -6,7 +7,7 @@ import pytest
 
 from wrenchflow.config import to_mapping
 from wrenchflow.errors import ConfigError
-from wrenchflow.rig import load_rig, rig_of
+from wrenchflow.rig import RIGS, load_rig, rig_of
 
 
 def test_poses_of_the_rig_are_poses():
@@ -59,5 +60,43 @@ def test_limits_that_are_no_limits_are_refused(tmp_path: Path, was: str, is_: st
     assert was in text
     path = tmp_path / "mine.toml"
     path.write_text(text.replace(was, is_, 1))
+    with pytest.raises(ConfigError, match=message):
+        load_rig(str(path))
+
+
+def test_a_rig_that_extends_another_is_that_one_but_for_what_it_says(tmp_path: Path):
+    peg, path = load_rig("panda_peg"), tmp_path / "mine.toml"
+    path.write_text('extends = "panda_peg"\n[payload]\nmass_kg = 0.6\n')
+    assert load_rig(str(path)) == replace(peg, payload=replace(peg.payload, mass_kg=0.6))
+    # A path is from the rig's own folder on, lists come as a whole, and so on through any number of rigs.
+    (tmp_path / "yours.toml").write_text('extends = "mine.toml"\ncameras = []\n[robot]\ntcp_speed_m_s = 0.7\n')
+    slow = replace(peg.robot, tcp_speed_m_s=0.7)
+    assert load_rig(str(tmp_path / "yours.toml")) == replace(load_rig(str(path)), cameras=(), robot=slow)
+
+
+def test_every_rig_that_comes_along_is_whole_in_a_recording():
+    for name in RIGS:
+        rig = load_rig(name)
+        assert rig_of({"rig": to_mapping(rig)}, "0001.mcap") == rig
+        assert "extends" not in to_mapping(rig)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('extends = "mine.toml"', r"^rig 'mine\.toml' extends 'mine\.toml', expected a rig that ends this\.$"),
+        ('extends = "../rigs/mine.toml"', r"^rig 'mine\.toml' extends 'mine\.toml', expected a rig that ends this\.$"),
+        ('extends = "panda_pegg"', r"^unknown rig 'panda_pegg'\. Did you mean 'panda_peg'\?"),
+        ("extends = 3", r"^mine\.toml\.extends: expected the name or the path of a rig, got 3\.$"),
+        (
+            'extends = "panda_peg"\n[paylod]\nmass_kg = 1.0',
+            r"^mine\.toml: unknown key 'paylod'\. Did you mean 'payload'",
+        ),
+    ],
+)
+def test_a_rig_that_extends_nothing_sound_is_refused(tmp_path: Path, text: str, message: str):
+    path = tmp_path / "rigs" / "mine.toml"
+    path.parent.mkdir()
+    path.write_text(text)
     with pytest.raises(ConfigError, match=message):
         load_rig(str(path))

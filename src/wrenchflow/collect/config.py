@@ -5,9 +5,9 @@ from typing import Literal
 
 from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.config import require_at_least, require_positive
+from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
-
 
 TIMED = ("scripted", "blind-spiral")  # They are judged by the time that a policy has.
 
@@ -44,6 +44,7 @@ class CollectConfig(AttemptConfig):
         episodes: How many attempts are recorded.
         operator: Who demonstrates.
         profiles: The people who take turns as the emulated operator, such as `steady novice`; without any, all.
+        guided: How stiffly the arm is held while a hand leads it; in place of `impedance`, for `hand-guided`.
         device_hz: Reports of the device a second.
         disturbance_m: Standard deviation of a slow disturbance of the tracked reference, which shows how errors are
             put right [m]; recorded targets are without it.
@@ -59,6 +60,7 @@ class CollectConfig(AttemptConfig):
     episodes: int = 10
     operator: str = "scripted"
     profiles: tuple[str, ...] = ()
+    guided: Impedance = field(default_factory=lambda: Impedance(translation_n_m=75.0, rotation_nm_rad=5.0))
     device_hz: int = 200
     disturbance_m: float = 0.0003
     disturbance_s: float = 0.2

@@ -103,7 +103,7 @@ def operate(hand, obs, ctl, teleop, white):
         hand.is_stroke, hand.stroke_t = 0, 0.0
     _deflect(hand, teleop, period_s, white)
     encode_motion(hand.counts, hand.report)
-    decode(hand.report, WHOLE_BYTES, teleop.counts, teleop.buttons)
+    decode(hand.report, hand.report.size, teleop.counts, teleop.buttons)
     keep = math.exp(-period_s / hand.disturbance_s)
     fresh = hand.disturbance_m * math.sqrt(1.0 - keep * keep)
     for i in range(3):

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from jaxtyping import Float
 
 from wrenchflow.collect.devices.emulated_spacemouse import FULL_SCALE_COUNTS
 from wrenchflow.collect.follow import Follower
@@ -11,6 +12,13 @@ from wrenchflow.collect.hand import WHITE_WIDTH
 from wrenchflow.collect.hand_loop import decide, drive
 from wrenchflow.sim.attempt import Attempt
 from wrenchflow.spatial import rotation_of
+
+
+def stand_before(attempt: Attempt, hand: np.ndarray, periods: int) -> Float[np.ndarray, "n w"]:
+    """Show a hand where the goal seems to be; returns the chance that it will meet, standard normal, a row a period."""
+    goal = attempt.scene.T_base_goal_perceived
+    hand["goal_x"], hand["goal_R"] = goal[:3], rotation_of(goal[3:])
+    return attempt.rng.standard_normal((periods, WHITE_WIDTH))
 
 
 class HandDriver:
@@ -27,9 +35,7 @@ class HandDriver:
             periods: Where periods are noted, `PERIOD` records.
         """
         self._hand, self._periods = hand, periods
-        goal = attempt.scene.T_base_goal_perceived
-        hand["goal_x"], hand["goal_R"] = goal[:3], rotation_of(goal[3:])
-        self._white = attempt.rng.standard_normal((len(periods), WHITE_WIDTH))
+        self._white = stand_before(attempt, hand, len(periods))
 
     def decide(self, attempt: Attempt, follower: Follower, now_ns: int) -> int:
         """One period: see, feel, decide, deflect."""

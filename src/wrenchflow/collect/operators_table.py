@@ -7,6 +7,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.drivers import DeviceDriver, Driver, OperatorDriver
 from wrenchflow.collect.hand_driver import HandDriver
+from wrenchflow.collect.hand_guided import GuidingDriver, led_by
 from wrenchflow.collect.operators import Operator
 from wrenchflow.collect.profiles import make_hand, names_of, person_of
 from wrenchflow.collect.scripted import Scripted
@@ -14,7 +15,7 @@ from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.sim.attempt import Attempt
 from wrenchflow.sim.tasks import make_task
 
-OPERATORS = ("scripted", "blind-spiral", "emulated")
+OPERATORS = ("scripted", "blind-spiral", "emulated", "hand-guided")
 
 
 def require_operator(config: CollectConfig) -> None:
@@ -48,6 +49,10 @@ def make_driver(
     if config.operator == "emulated":
         _, person = person_of(config, attempt.seed[1])
         return HandDriver(attempt, make_hand(person, config, attempt.rng), periods)
+    if config.operator == "hand-guided":
+        _, person = person_of(config, attempt.seed[1])
+        hand = make_hand(person, config, attempt.rng, led_by(config))
+        return GuidingDriver(attempt, hand, config, len(periods))
     return OperatorDriver(
         attempt,
         make_operator(config),

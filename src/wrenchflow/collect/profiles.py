@@ -10,6 +10,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.hand import HAND, MEMORY
 from wrenchflow.collect.skills.decide import skill_of
 from wrenchflow.config import to_mapping
+from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.sim.attempt import PERSON
 
@@ -107,13 +108,16 @@ def person_of(config: CollectConfig, index: int) -> tuple[str, Profile]:
     return name, Profile(**{trait: value * float(np.exp(_VARIES * rng.normal())) for trait, value in usual.items()})
 
 
-def make_hand(person: Profile, config: CollectConfig, rng: np.random.Generator) -> np.ndarray:
+def make_hand(
+    person: Profile, config: CollectConfig, rng: np.random.Generator, impedance: Impedance | None = None
+) -> np.ndarray:
     """The hand of a person.
 
     Args:
         person: What that person is like today.
         config: Task, device, and how stiffly the target is followed.
         rng: For what leaks from which axis into which.
+        impedance: What holds the tool on the way to the target, if it is not the arm's.
 
     Returns:
         One `HAND` record. Shape (1,).
@@ -122,7 +126,7 @@ def make_hand(person: Profile, config: CollectConfig, rng: np.random.Generator) 
         ConfigError: If nobody knows how to do the task.
     """
     hand = np.zeros(1, HAND)
-    hand["task"], skill = skill_of(config.task, config.impedance)
+    hand["task"], skill = skill_of(config.task, impedance or config.impedance)
     for trait in _PACED:
         skill[trait] *= person.pace
     for trait in _PRESSED:

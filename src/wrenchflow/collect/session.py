@@ -71,6 +71,7 @@ def demonstrate(
         without: Safeguards that are left out, to see what each is worth.
     """
     task, rig, model = scenery(config.task, config.rig)
+    config = compliant(config)
     views = views_of(config, rig)
     album = Album(views)
     attempt = Attempt(
@@ -97,10 +98,15 @@ def demonstrate(
     return replace(so_far(), messages=album.draw(mjcf_of(task, rig) if views else ""))
 
 
+def compliant(config: CollectConfig) -> CollectConfig:
+    """The same with the stiffness of an arm that is led by hand, where it is."""
+    return replace(config, impedance=config.guided) if config.operator == "hand-guided" else config
+
+
 def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
     """What is known of an attempt by who runs it, before it begins."""
     known = {"operator": config.operator, "collect": to_mapping(config)}
-    if config.operator != "emulated":
+    if config.operator not in ("emulated", "hand-guided"):
         return known
     name, person = person_of(config, index)
     return {**known, "person": {"profile": name, **to_mapping(person)}}

@@ -1,15 +1,11 @@
-"""HID devices: a SpaceMouse, and whether we may read it."""
+"""Devices to steer an arm with: a SpaceMouse and a gamepad, and whether we may read them."""
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from wrenchflow.doctor.check import Check
-
-_MAKER = 0x256F  # 3Dconnexion. Before that its devices were Logitech's, whose other devices are none of ours.
-_MAKER_THEN = 0x046D
-_PRODUCTS_THEN = {0xC603, 0xC605, 0xC606, 0xC621, 0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B}
-_RULE_FILE = "/etc/udev/rules.d/70-spacemouse.rules"
+from wrenchflow.spacemouse_models import RULE_FILE, model_of, udev_rule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +29,7 @@ class HidDevice:
     @property
     def is_spacemouse(self) -> bool:
         """Whether it has six axes to steer an arm with."""
-        return self.vendor == _MAKER or (self.vendor == _MAKER_THEN and self.product in _PRODUCTS_THEN)
+        return model_of(self.vendor, self.product) is not None
 
 
 def hid_devices(devices: Path = Path("/dev"), classes: Path = Path("/sys/class/hidraw")) -> list[HidDevice]:
@@ -57,7 +53,7 @@ def hid_devices(devices: Path = Path("/dev"), classes: Path = Path("/sys/class/h
                 name=said.get("HID_NAME", "unknown"),
                 vendor=_number(vendor),
                 product=_number(product),
-                readable=os.access(path, os.R_OK),
+                readable=os.access(path, os.R_OK | os.W_OK),  # Nothing is written, but hidapi opens it for both.
             )
         )
     return found
@@ -96,15 +92,54 @@ def check_spacemouse(found: list[HidDevice]) -> Check:
         )
     closed = [device for device in mice if not device.readable]
     if closed:
-        vendor = f"{closed[0].vendor:04x}"
         return Check(
             name=name,
             state="warning",
             found=f"{closed[0].name} at {closed[0].path}, which we may not read",
             means="It is there, but nothing that it says is heard.",
-            todo=f'Put the line KERNEL=="hidraw*", ATTRS{{idVendor}}=="{vendor}", MODE="0660", TAG+="uaccess" into '
-            f"{_RULE_FILE}, run sudo udevadm control --reload, and plug it in again.",
+            todo=f"Put the line {udev_rule(closed[0].vendor)} into {RULE_FILE}, run sudo udevadm control --reload, and "
+            "plug it in again.",
             figures=figures,
         )
     said = ", ".join(f"{mouse.name} at {mouse.path}" for mouse in mice)
+    return Check(name=name, state="ok", found=f"{said}, readable", figures=figures)
+
+
+def check_gamepad(inputs: Path = Path("/dev/input"), classes: Path = Path("/sys/class/input")) -> Check:
+    """Whether the kernel knows a gamepad or joystick, and whether it can be read.
+
+    Args:
+        inputs: Where the device files are.
+        classes: Where the kernel describes them.
+    """
+    name = "gamepad"
+    pads = {}
+    for path in sorted(classes.glob("js*")):
+        try:
+            label = (path / "device" / "name").read_text(errors="replace").strip()
+        except OSError:
+            label = "unknown"  # It was unplugged just now.
+        # The pad is read through the event file of the same device.
+        events = sorted((path / "device").glob("event*"))
+        readable = bool(events) and os.access(inputs / events[0].name, os.R_OK)
+        pads[str(inputs / path.name)] = (label, readable)
+    figures = {path: f"{label}, {'readable' if ok else 'not readable'}" for path, (label, ok) in pads.items()}
+    if not pads:
+        return Check(
+            name=name,
+            state="missing",
+            found="no gamepad",
+            means="Nobody can steer an arm by one here; scripted operators need no device.",
+            todo="Plug one in or pair it; in a container, --device /dev/input.",
+        )
+    said = ", ".join(f"{label} at {path}" for path, (label, _) in pads.items())
+    if not all(ok for _, ok in pads.values()):
+        return Check(
+            name=name,
+            state="warning",
+            found=f"{said}, which we may not read",
+            means="It is there, but nothing that it says is heard.",
+            todo="Join the group `input` (sudo usermod -aG input $USER), and log in again.",
+            figures=figures,
+        )
     return Check(name=name, state="ok", found=f"{said}, readable", figures=figures)

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from wrenchflow.doctor.check import Check
-from wrenchflow.doctor.devices import check_spacemouse, hid_devices
+from wrenchflow.doctor.devices import check_gamepad, check_spacemouse, hid_devices
 from wrenchflow.doctor.disk import check_disk
 from wrenchflow.doctor.machine import check_governor, check_processors, check_python
 from wrenchflow.doctor.packages import OPTIONAL, check_gpu, check_package
@@ -30,6 +30,7 @@ def checks(folder: Path) -> Mapping[str, Callable[[], Check]]:
         "shared memory": check_shared_memory,
         "disk": partial(check_disk, folder),
         "spacemouse": lambda: check_spacemouse(hid_devices()),
+        "gamepad": check_gamepad,
         "simulator": check_simulator,
         "egl": partial(check_rendering, "egl"),
         "osmesa": partial(check_rendering, "osmesa"),

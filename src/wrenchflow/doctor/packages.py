@@ -9,6 +9,9 @@ OPTIONAL = {
     "torch": ("`train` and `deploy` do not run; a machine beside a robot that only records does without.", "learn"),
     "rerun-sdk": ("Recordings cannot be sent to Rerun; other viewers open the files.", "view"),
     "pillow": ("Camera pictures cannot be compressed.", "sim"),
+    "hidapi": ("Nobody can steer an arm by a SpaceMouse.", "teleop"),
+    "pygame": ("Nobody can steer an arm by a gamepad.", "teleop"),
+    "blessed": ("Nobody can steer an arm by the keyboard, or keep and redo episodes by its keys.", "teleop"),
     "lerobot": ("Exports for LeRobot are written and read all the same; LeRobot's own training is not here.", ""),
 }
 _LIMIT_S = 120.0

@@ -15,6 +15,7 @@ from wrenchflow.compiled import kernel
 from wrenchflow.control import impedance
 from wrenchflow.control.records import JOINTS
 from wrenchflow.sim.ft_sensor import SENSOR, read_sensor
+from wrenchflow.sim.hold import HOLD, pull
 from wrenchflow.sim.memory import floats_at
 from wrenchflow.sim.row import record
 from wrenchflow.so3 import exp_into, multiply_into, quat_into
@@ -59,6 +60,7 @@ MEASURE = np.dtype(
         ("shift", "f8", 6),  # of the measured TCP, by the noise of the joints [m, rad]
         ("matrices", "f8", (3, 3, 3)),  # what a tick works with
         ("sensor", SENSOR),
+        ("hold", HOLD),
     ],
     align=True,
 )
@@ -84,6 +86,9 @@ def point_to(measure: np.ndarray, model: mujoco.MjModel, data: mujoco.MjData) ->
         ("wrench", data.sensordata),
     ):
         record[name] = array.ctypes.data
+    flange = model.body("flange").id
+    record["hold"]["force"] = data.xfrc_applied[flange].ctypes.data
+    record["hold"]["centre"] = data.xipos[flange].ctypes.data
 
 
 @kernel
@@ -179,4 +184,5 @@ def advance(measure, white, drawn, obs, req, schedule, ctl, rows, seen, first, c
         impedance.tick(obs[0], req[0], schedule[0], ctl[0])
         record(obs, ctl, rows, first + k)
         witness(measure[0], ctl[0], seen)
+        pull(measure[0].hold, obs[0])
         write(measure, ctl[0].tau)

@@ -1,8 +1,8 @@
 """The Panda as a MuJoCo model of our own: published kinematics, identified inertias, capsules, torque motors.
 
-Sources: the manufacturer's interface documentation (modified DH table, after Craig); Gaz et al., *Dynamic
-Identification of the Franka Emika Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization*
-(2019), for masses, centres of mass and inertias.
+Sources: `wrenchflow.kinematics` for the table of its joints; Gaz et al., *Dynamic Identification of the Franka Emika
+Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization* (2019), for masses, centres of mass
+and inertias.
 """
 
 import math
@@ -10,20 +10,10 @@ import math
 import mujoco
 import numpy as np
 
+from wrenchflow.kinematics import DH, FLANGE_M
 from wrenchflow.rig import Rig
 from wrenchflow.spatial import compose
 
-# Modified DH a joint: a [m], d [m], alpha [rad]; theta is the joint angle. The flange follows joint 7.
-DH = (
-    (0.0, 0.333, 0.0),
-    (0.0, 0.0, -math.pi / 2),
-    (0.0, 0.316, math.pi / 2),
-    (0.0825, 0.0, math.pi / 2),
-    (-0.0825, 0.384, -math.pi / 2),
-    (0.0, 0.0, math.pi / 2),
-    (0.088, 0.0, math.pi / 2),
-)
-FLANGE_M = 0.107
 READY_RAD = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 
 # Mass [kg], centre of mass [m], ixx iyy izz ixy ixz iyz [kg m^2] about it, in the axes of the link's frame.

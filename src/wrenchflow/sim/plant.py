@@ -15,7 +15,7 @@ from wrenchflow.sim import engine
 from wrenchflow.sim.engine import MEASURE, NOISE_WIDTH, SEEN, WATCH_TICKS
 from wrenchflow.sim.ft_sensor import SensorFaults, make_sensor
 from wrenchflow.sim.row import ROW, record
-from wrenchflow.spatial import exp_so3, make_pose
+from wrenchflow.spatial import exp_so3, inverse, make_pose, rotation_of
 
 _NOISE_BLOCK_TICKS = 512
 # Runs ticks, with the arguments of `engine.advance`.
@@ -67,7 +67,7 @@ class Plant:
         mujoco.mj_step(model, data)
         data.qvel[:] = 0.0
         mujoco.mj_forward(model, data)
-        self.model, self.data, self.measurement, self._rng = model, data, measurement, rng
+        self.model, self.data, self.measurement, self._rig, self._rng = model, data, measurement, rig, rng
         self.rows = np.zeros(round(capacity_s / TICK_S), ROW)
         self.count = 0
         self._seen = np.zeros(len(self.rows) // WATCH_TICKS + 1, SEEN)
@@ -81,6 +81,34 @@ class Plant:
         state["R_error"] = exp_so3(self.orientation_error_rad)
         state["sensor"] = make_sensor(rig.sensor, measurement.sensor, rng, TICK_S)[0]
         self._white, self._drawn = np.empty((0, NOISE_WIDTH)), 0
+
+    def hold(
+        self,
+        T_base_tcp: Float[np.ndarray, " 7"],
+        *,
+        stiffness_n_m: float,
+        damping_n_s_m: float,
+        stiffness_nm_rad: float,
+        damping_nm_s_rad: float,
+        force_max_n: float = 60.0,
+    ) -> None:
+        """Take the arm by its flange, and pull until its TCP is at a pose; `advance` feels it, the protocol does not.
+
+        Args:
+            T_base_tcp: Where the TCP should be. Shape (7,).
+            stiffness_n_m: Of the arm that pulls; 0 to let go.
+            damping_n_s_m: Of the same.
+            stiffness_nm_rad: Of the wrist that turns.
+            damping_nm_s_rad: Of the same.
+            force_max_n: Nobody pulls harder.
+        """
+        hold = self._measure[0]["hold"]
+        hold["x"], hold["R"] = T_base_tcp[:3], rotation_of(T_base_tcp[3:])
+        hold["x_tcp_flange"] = inverse(np.array(self._rig.T_flange_tcp))[:3]
+        hold["stiffness"], hold["damping"], hold["force_max"] = stiffness_n_m, damping_n_s_m, force_max_n
+        hold["stiffness_rot"], hold["damping_rot"] = stiffness_nm_rad, damping_nm_s_rad
+        if not stiffness_n_m:
+            self.data.xfrc_applied[self.model.body("flange").id] = 0.0
 
     def begin(self, controller: Controller, impedance: Impedance) -> None:
         """Let a controller start at the measured pose, before the first tick."""

@@ -1,53 +1,54 @@
-"""A SpaceMouse that is not there: whoever deflects it makes report bytes, and the real one's decoder reads them."""
+"""A SpaceMouse that is not there: whoever deflects it makes report bytes, and the real one's driver reads them."""
+
+from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int64
 
-from wrenchflow.collect.devices.device import Reading
-from wrenchflow.collect.devices.hid_report import SOUND, WHOLE_BYTES, decode, encode_motion
+from wrenchflow.collect.devices.hid_report import WHOLE_BYTES, encode_motion
+from wrenchflow.collect.devices.spacemouse import SpaceMouse
 from wrenchflow.compiled import kernel
 from wrenchflow.so3 import log_into, multiply_transposed_into
+from wrenchflow.spacemouse_models import SpaceMouseModel
 
 FULL_SCALE_COUNTS = 350
+_MODEL = SpaceMouseModel(name="emulated SpaceMouse", full_scale_counts=FULL_SCALE_COUNTS)
 
 
-class EmulatedSpaceMouse:
-    """Its wire holds what was sent and not yet read; as a `TeleopDevice` it reads the newest of it."""
+class _Wire:
+    """Reports that were sent and not read yet."""
 
-    name, full_scale_counts = "emulated", FULL_SCALE_COUNTS
+    def __init__(self) -> None:
+        self.reports: deque[bytes] = deque()
+
+    def read(self, length: int, /) -> Sequence[int]:
+        """The next one, or nothing."""
+        return self.reports.popleft()[:length] if self.reports else b""
+
+    def close(self) -> None:
+        """There is nothing to let go of."""
+
+
+class EmulatedSpaceMouse(SpaceMouse):
+    """The driver of the real one, over a wire that is a queue."""
+
+    name = "emulated"
 
     def __init__(self) -> None:
         """Begin at rest."""
-        self._wire: list[np.ndarray] = []
-        self._counts, self._buttons, self._t_ns = np.zeros(6, np.int64), np.zeros(1, np.int64), 0
-        self._problem = ""
+        self._wire = _Wire()
+        super().__init__(self._wire, _MODEL)
 
     def deflect(self, counts: Int64[np.ndarray, " 6"]) -> None:
         """Push the puck: a report of these counts goes on the wire."""
         report = np.zeros(WHOLE_BYTES, np.uint8)
         encode_motion(counts, report)
-        self.send(report)
+        self.send(report.tobytes())
 
-    def send(self, report: np.ndarray) -> None:
+    def send(self, report: bytes) -> None:
         """Put any bytes on the wire."""
-        self._wire.append(report)
-
-    def read(self, now_ns: int) -> Reading:
-        """The newest of what is on the wire."""
-        for report in self._wire:
-            code = decode(report, len(report), self._counts, self._buttons)
-            self._problem = "" if code <= SOUND + 1 else f"a report of {len(report)} bytes that makes no sense"
-            self._t_ns = now_ns if code == SOUND else self._t_ns
-        self._wire.clear()
-        return Reading(
-            t_ns=self._t_ns, counts=self._counts.copy(), buttons=int(self._buttons[0]), problem=self._problem
-        )
-
-    def feel(self, share: float) -> None:
-        """Nobody holds it."""
-
-    def close(self) -> None:
-        """There is nothing to let go of."""
+        self._wire.reports.append(report)
 
 
 @kernel

@@ -32,10 +32,26 @@ SOUND, OF_NO_INTEREST, WRONG_LENGTH, UNKNOWN_ID, IMPLAUSIBLE = (np.int64(code) f
 CODE_NAMES = ("sound", "of no interest", "wrong length", "unknown id", "implausible axis")
 
 
+def refusal(code: int, kind: int, length: int) -> str:
+    """Say, for a person, why a report was refused.
+
+    Args:
+        code: As `decode` answered, from `WRONG_LENGTH` on.
+        kind: The report's id.
+        length: Its bytes.
+    """
+    if code == UNKNOWN_ID:
+        return f"a report of the unknown kind {kind}, expected 1, 2 or 3"
+    if code == IMPLAUSIBLE:
+        return f"a report of an axis beyond {PLAUSIBLE_COUNTS} counts, which no hand reaches"
+    expected = {1: "7 or 13", 2: "7", 3: "2 to 7"}.get(kind, "2 or more")
+    return f"a report {kind} of {length} bytes, expected {expected}"
+
+
 @kernel
 def decode(
     report: UInt8[np.ndarray, " n"], length: int, counts: Int64[np.ndarray, " 6"], buttons: Int64[np.ndarray, " 1"]
-) -> int:
+) -> np.int64:
     """Take one report in.
 
     Args:

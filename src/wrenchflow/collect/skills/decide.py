@@ -4,14 +4,20 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wrenchflow.collect.skills import peg
+from wrenchflow.collect.skills import peg, plug, wipe
 from wrenchflow.collect.skills.skill import make_skill
 from wrenchflow.compiled import kernel
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError, unknown
 
-_PEG = np.int64(0)
-_SKILLS = MappingProxyType({"peg-insertion": (_PEG, peg.TRAITS)})
+_PEG, _WIPE, _PLUG = np.int64(0), np.int64(1), np.int64(2)
+_SKILLS = MappingProxyType(
+    {
+        "peg-insertion": (_PEG, peg.TRAITS),
+        "surface-wiping": (_WIPE, wipe.TRAITS),
+        "connector-insertion": (_PLUG, plug.TRAITS),
+    }
+)
 
 
 @kernel
@@ -20,6 +26,10 @@ def want(number, skill, seen, wanted):
     wanted.is_reach = 0
     if number == _PEG:
         peg.want(skill, seen, wanted)
+    elif number == _WIPE:
+        wipe.want(skill, seen, wanted)
+    elif number == _PLUG:
+        plug.want(skill, seen, wanted)
 
 
 def skill_of(task: str, impedance: Impedance) -> tuple[int, np.ndarray]:

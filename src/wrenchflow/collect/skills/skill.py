@@ -58,6 +58,22 @@ SKILL = record_dtype(
         ("pitch_m", "f8"),  # of the spiral that is walked then
         ("inside_m", "f8"),  # so deep the tool is in
         ("insert_m_s", "f8"),
+        # Along a way.
+        ("wipe_m_s", "f8"),
+        ("press_gain", "f8"),  # share of a wrong press that is put right at once
+        ("uneven_n", "f8"),  # a press that is as wrong stops the tool
+        # A plug.
+        ("near_m", "f8"),  # so low above the goal, place and turn are kept
+        ("lever_x_m", "f8"),  # distance of the centre of pressure from which on it is followed as fast as may be
+        ("lever_y_m", "f8"),
+        ("turn_margin_rad", "f8"),  # lead of the turn
+        ("turn_moment_nm", "f8"),  # moment from which on it is turned as fast as may be
+        ("snap_m", "f8"),  # so deep the latch begins
+        ("push_n", "f8"),  # over the latch, at most
+        ("push_gain", "f8"),  # push that is wanted for each newton that is felt
+        ("seated_m", "f8"),
+        ("hold_n", "f8"),  # press of a tool that is seated
+        ("force_limit_n", "f8"),  # never to be wanted, all directions together
     ]
 )
 

@@ -10,7 +10,13 @@ from wrenchflow.rig import Rig, load_rig
 from wrenchflow.sim.tasks.task import Task
 
 # Module and class of each, which are loaded when they are asked for.
-_PLACES = MappingProxyType({"peg-insertion": ("peg_insertion", "PegInsertion")})
+_PLACES = MappingProxyType(
+    {
+        "peg-insertion": ("peg_insertion", "PegInsertion"),
+        "surface-wiping": ("surface_wiping", "SurfaceWiping"),
+        "connector-insertion": ("connector_insertion", "ConnectorInsertion"),
+    }
+)
 NAMES = tuple(_PLACES)
 
 

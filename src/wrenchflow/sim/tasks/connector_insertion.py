@@ -1,0 +1,149 @@
+"""Connector insertion: a rectangular plug that has to be turned to fit, and to be snapped in with at most 30 N."""
+
+import math
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wrenchflow.rig import Rig
+from wrenchflow.sim.panda import make_arm
+from wrenchflow.sim.reach import joints_at
+from wrenchflow.sim.tasks.connector_parts import ConnectorShape
+from wrenchflow.sim.tasks.task import Scene
+from wrenchflow.spatial import compose, exp_so3, inverse, make_pose
+
+# The goal's frame lies on the socket's mouth with z into it, as the tool's does: a half turn about x.
+_INTO_SOCKET = exp_so3(np.array([math.pi, 0.0, 0.0]))
+_ZONE_M = 0.06  # Half width of what surely holds the fixture, wherever it seems to be.
+_WATCH_S = 0.005  # Time between two looks of a referee.
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConnectorInsertion:
+    """A plug, a socket somewhere near and turned, and a guess of both that is off."""
+
+    name: str = "connector-insertion"
+    rig: str = "panda_plug"
+    phases: tuple[str, ...] = ("approach", "land", "search", "insert", "snap")
+    failures: tuple[str, ...] = ("over-force", "unseated", "jammed", "missed", "timeout")
+    time_limit_s: float = 12.0
+    shape: ConnectorShape = field(default_factory=ConnectorShape)
+    force_limit_n: float = 30.0
+    seated_m: float = 0.0064  # depth of the tip that is past the crest
+    settle_s: float = 0.1  # for which it has to stay there
+    centre_m: tuple[float, float, float] = (0.50, 0.0, 0.10)  # middle of where the mouth may be
+    position_range_m: float = 0.025
+    yaw_range_rad: float = math.radians(20.0)
+    perception_sigma_m: float = 0.0015
+    perception_sigma_rad: float = math.radians(3.0)
+    start_height_m: tuple[float, float] = (0.030, 0.045)
+    start_range_m: float = 0.020
+    start_tilt_rad: float = math.radians(1.0)
+    start_yaw_rad: float = math.radians(8.0)
+
+    def make_spec(self, rig: Rig) -> mujoco.MjSpec:
+        """The arm with the plug below its sensor, and the fixture with the socket as a body that can be moved."""
+        spec = make_arm(rig)
+        tool, flange = spec.body("tool"), spec.body("flange")
+        sensor_z, mass_kg = rig.sensor.T_flange_sensor[2], rig.payload.mass_kg
+        tip_m = rig.T_flange_tcp[2] - sensor_z
+        tool.explicitinertial = True
+        tool.mass, tool.ipos = mass_kg, list(rig.payload.com_sensor_m)
+        # As a uniform rod of 20 mm radius: its own small inertia hardly matters beside the arm's.
+        across = mass_kg * (3.0 * 0.02**2 + tip_m**2) / 12.0
+        tool.fullinertia = [across, across, mass_kg * 0.02**2 / 2.0, 0, 0, 0]
+        looks = {"contype": 0, "conaffinity": 0, "mass": 0.0, "type": mujoco.mjtGeom.mjGEOM_CYLINDER}
+        flange.add_geom(fromto=[0, 0, 0, 0, 0, sensor_z], size=[0.035, 0, 0], rgba=[0.2, 0.2, 0.22, 1], **looks)
+        tool.add_geom(fromto=[0, 0, 0, 0, 0, 0.03], size=[0.028, 0, 0], rgba=[0.4, 0.42, 0.45, 1], **looks)
+        tool.add_geom(fromto=[0, 0, 0.03, 0, 0, tip_m - 0.03], size=[0.012, 0, 0], rgba=[0.4, 0.42, 0.45, 1], **looks)
+        T_sensor_tcp = compose(inverse(np.array(rig.sensor.T_flange_sensor)), np.array(rig.T_flange_tcp))
+        self.shape.add_plug(tool.add_body(name="plug", pos=T_sensor_tcp[:3], quat=T_sensor_tcp[3:], gravcomp=1.0))
+        block = spec.worldbody.add_body(name="block", mocap=True, pos=list(self.centre_m))
+        block.add_site(name="goal", quat=[0.0, 1.0, 0.0, 0.0], size=[0.001, 0.001, 0.001])
+        self.shape.add_socket(block, self.centre_m[2])
+        return spec
+
+    def draw(self, model: mujoco.MjModel, rng: np.random.Generator) -> Scene:
+        """Draw where the socket is, where it seems to be, and where the plug starts."""
+        offset_m = np.array([*rng.uniform(-1, 1, 2) * self.position_range_m, 0.0])
+        yaw_rad = rng.uniform(-1, 1) * self.yaw_range_rad
+        goal = make_pose(np.array(self.centre_m) + offset_m, _about_z(yaw_rad) @ _INTO_SOCKET)
+        wrong_m = np.array([*rng.normal(size=2) * self.perception_sigma_m, 0.0])
+        seen_rad = yaw_rad + rng.normal() * self.perception_sigma_rad
+        perceived = make_pose(goal[:3] + wrong_m, _about_z(seen_rad) @ _INTO_SOCKET)
+        height_m = rng.uniform(*self.start_height_m)
+        start_m = perceived[:3] + np.array([*rng.uniform(-1, 1, 2) * self.start_range_m, height_m])
+        direction, tilt_rad = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.0, self.start_tilt_rad)
+        tilt = exp_so3(tilt_rad * np.array([math.cos(direction), math.sin(direction), 0.0]))
+        turned = _about_z(seen_rad + rng.uniform(-1, 1) * self.start_yaw_rad)
+        start = make_pose(start_m, tilt @ turned @ _INTO_SOCKET)
+        return Scene(q_start_rad=joints_at(model, start), T_base_goal=goal, T_base_goal_perceived=perceived)
+
+    def place(self, model: mujoco.MjModel, data: mujoco.MjData, scene: Scene) -> None:
+        """Put the fixture where the scene has its socket, and the arm at its start."""
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = scene.q_start_rad
+        block = compose(scene.T_base_goal, make_pose(np.zeros(3), _INTO_SOCKET.T))
+        data.mocap_pos[0], data.mocap_quat[0] = block[:3], block[3:]
+        mujoco.mj_forward(model, data)
+
+    def contact_zone(self, scene: Scene) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+        """The fixture around the perceived goal, and a little above it."""
+        goal_m = scene.T_base_goal_perceived[:3]
+        return goal_m - np.array([_ZONE_M, _ZONE_M, 0.02]), goal_m + np.array([_ZONE_M, _ZONE_M, 0.01])
+
+    def referee(self, scene: Scene) -> "ConnectorReferee":
+        """Who judges one attempt by depth and by force."""
+        return ConnectorReferee(self, scene)
+
+
+def _about_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+    return exp_so3(np.array([0.0, 0.0, angle_rad]))
+
+
+class ConnectorReferee:
+    """Seated is who stays past the crest for a while; what bounces off the stop is not in, and what was crushed is lost."""
+
+    def __init__(self, task: ConnectorInsertion, scene: Scene) -> None:
+        """Judge one attempt at a scene."""
+        self._task, self._T_goal_base = task, inverse(scene.T_base_goal)
+        self._tip_m = np.array([0.0, 0.0, -np.inf])
+        self._settled = 0
+        self.is_lost = False  # Once the force was too high, for ever.
+
+    def see(self, T_base_tcp: Float[np.ndarray, "n 7"], wrench: Float[np.ndarray, "n 6"]) -> None:
+        """Take in what has happened: the largest force, and for how long the tip has been deep enough."""
+        force_n = np.linalg.norm(wrench[:, :3], axis=1)
+        for pose, force in zip(T_base_tcp, force_n, strict=True):
+            self.is_lost = self.is_lost or bool(force > self._task.force_limit_n)
+            self._tip_m = compose(self._T_goal_base, pose)[:3]
+            self._settled = self._settled + 1 if self._depth_share >= 1.0 else 0
+
+    @property
+    def _depth_share(self) -> float:
+        """Depth of the tip in the socket over the depth that counts as seated, from 0 to 1."""
+        x, y, depth_m = self._tip_m
+        if math.hypot(x, y) > 4.0 * self._task.shape.clearance_m:
+            return 0.0
+        return min(max(depth_m / self._task.seated_m, 0.0), 1.0)
+
+    @property
+    def progress(self) -> float:
+        """Nine tenths by depth, the last by how long it has been there; nobody gets that who crushed the connector."""
+        if self.is_lost:
+            return 0.9 * self._depth_share
+        return 0.9 * self._depth_share + 0.1 * min(self._settled * _WATCH_S / self._task.settle_s, 1.0)
+
+    @property
+    def failure(self) -> str:
+        """`over-force`; `unseated` in the socket, `jammed` in its mouth, `missed` on the flat, else `timeout`."""
+        if self.is_lost:
+            return "over-force"
+        depth_m = self._depth_share * self._task.seated_m
+        if depth_m > 2.0 * self._task.shape.chamfer_m:
+            return "unseated"
+        if depth_m > 0.2 * self._task.shape.chamfer_m:
+            return "jammed"
+        return "missed" if self._tip_m[2] > -0.001 else "timeout"
