@@ -315,7 +315,7 @@ def shaken(place, seed, send=anything, **arena):
         nonlocal moves
         while True:
             for _ in range(rng.integers(0, 4)):
-                mouse.send(send(rng))
+                mouse.send(send(rng).tobytes())
             now_ns = int(arena.controller.obs[0]["t_ns"]) + 1_000_000
             follower.take(mouse.read(now_ns))
             follower.move(now_ns, arena.controller)
