@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import collect_folder, demonstrate, make_operator, moved
+from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.operators_table import require_operator
+from wrenchflow.collect.session import Session, demonstrate
 from wrenchflow.errors import CalibrationError, ConfigError, OutputError
 from wrenchflow.manifest import read_manifest
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.sim.attempt import Attempt, episode_id
 from wrenchflow.sim.config import AttemptConfig
-from wrenchflow.spatial import compose, inverse, rotation_of
+from wrenchflow.spatial import compose, exp_so3, inverse, make_pose, rotation_of
 
 CONFIG = CollectConfig(seed=11)
 KILOHERTZ = {
@@ -94,7 +96,7 @@ def test_the_recorded_target_is_what_the_device_asked_for_and_nothing_else(episo
     first = int(np.searchsorted(target.t, twists.t[0]))
     pose = target.data[first - 1]
     for k, twist in enumerate(twists.data):
-        pose = moved(pose, twist, 0.005)
+        pose = make_pose(pose[:3] + 0.005 * twist[:3], exp_so3(0.005 * twist[3:]) @ rotation_of(pose[3:]))
         after = target.data[first + 5 * k + 4]
         np.testing.assert_allclose(after[:3], pose[:3], atol=1e-12)
         np.testing.assert_allclose(rotation_of(after[3:]), rotation_of(pose[3:]), atol=1e-12)
@@ -161,16 +163,14 @@ def test_names_that_do_not_exist_are_refused_before_anything_is_written(tmp_path
             list(collect_folder(tmp_path / "raw", config))
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(ConfigError, match=r"^unknown operator 'nobody'\. Available: "):
-        make_operator("nobody", CONFIG)
+        require_operator(replace(CONFIG, operator="nobody"))
 
 
 def test_a_tool_that_is_touched_during_the_tare_is_not_tared(peg, peg_model, rig):
-    from wrenchflow.collect.session import Session
-
     attempt = Attempt(peg, peg_model, rig, AttemptConfig(), seed=(0, 0))
     attempt.plant.rows["wrench_raw"][700:, 2] += 8.0
     with pytest.raises(CalibrationError):
-        Session(attempt, make_operator("scripted", CONFIG), CONFIG)
+        Session(attempt, CONFIG)
 
 
 def test_an_attempt_ends_at_its_time_limit_with_the_name_of_its_failure(peg, peg_model, rig):

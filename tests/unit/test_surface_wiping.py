@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import Session, make_operator
+from wrenchflow.collect.session import Session
 from wrenchflow.collect.skills.decide import skill_of, want
 from wrenchflow.collect.skills.skill import PERCEIVED, WANTED
 from wrenchflow.control.config import Impedance
@@ -284,7 +284,7 @@ def attempts() -> list[Attempt]:
     made = []
     for index in range(4):
         attempt = Attempt(TASK, MODEL, RIG, CONFIG, seed=(0, index, DEMONSTRATE))
-        session = Session(attempt, make_operator("scripted", CONFIG), CONFIG)
+        session = Session(attempt, CONFIG)
         while not attempt.over:
             session.period()
         made.append(attempt)

@@ -17,16 +17,19 @@ from wrenchflow.sim.attempt import Attempt
 from wrenchflow.sim.tasks import make_task
 
 OPERATORS = ("scripted", "blind-spiral", "emulated", "hand-guided")
+_SPIRALLED = "peg-insertion"
 
 
 def require_operator(config: CollectConfig) -> None:
     """Look names up before any work begins.
 
     Raises:
-        ConfigError: If there is no such operator or person, with the nearest name.
+        ConfigError: If there is no such operator or person, with the nearest name, or not for this task.
     """
     if config.operator not in (*OPERATORS, *DEVICES):
         raise ConfigError(unknown("operator", config.operator, (*OPERATORS, *DEVICES)))
+    if config.operator == "blind-spiral" and config.task != _SPIRALLED:
+        raise ConfigError(f"the blind spiral is a baseline of {_SPIRALLED}, and no operator for {config.task}.")
     names_of(config)
 
 

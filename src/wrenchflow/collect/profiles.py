@@ -49,14 +49,14 @@ class Profile:
     eye_m: float = 0.0002
     stroke_miss: float = 0.06
     stroke_rest_s: float = 0.12
-    bow: float = 0.3
+    bow: float = 0.2
 
 
 PROFILES: Mapping[str, Profile] = MappingProxyType(
     {
         "steady": Profile(),
         "brisk": Profile(pace=1.7, press=1.15, delay_s=0.08, grip_s=0.12, motor_noise=0.18, stroke_miss=0.10, bow=0.05),
-        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.04, bow=0.9),
+        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.04, bow=1.2),
         "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.07, bow=0.5),
         "novice": Profile(
             pace=0.85,
@@ -72,7 +72,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             eye_m=0.0004,
             stroke_miss=0.15,
             stroke_rest_s=0.2,
-            bow=0.9,
+            bow=1.0,
         ),
     }
 )
