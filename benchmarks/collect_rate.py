@@ -3,7 +3,7 @@
 Ours is the whole of an attempt: drawing the scene, tare, operator, device, 1 kHz control with its safety layer, rows in
 a black box, the file. robosuite's is `env.step` alone, of a Panda that grasps and lifts, without pictures, resets or
 recording, in an environment of its own, which is made where `--env` says. Bare `mj_step` of the same scenes, in both
-versions of MuJoCo, tells what the ratio is made of. Run it as `python benchmarks/collect_rate.py [--env FOLDER]`.
+versions of MuJoCo, tells what the ratio is made of. Run it as `python benchmarks/collect_rate.py [--task NAME] [--env FOLDER]`.
 """
 
 import os
@@ -36,9 +36,8 @@ from wrenchflow.sim.attempt import MJCF, MODEL
 from wrenchflow.sim.state import model_of, set_state
 from wrenchflow.sim.streams import ROWS
 
-OURS = CollectConfig(operator="scripted")
 TASKS, RATES_HZ = ("Lift", "NutAssemblySquare"), (20, 200)
-SCENES = ("peg", *TASKS)
+SCENES = ("ours", *TASKS)
 # So many rounds, so many of our episodes in each (robosuite's is one of 8 s), and so many of each bare run.
 ROUNDS, EPISODES, BARE_RUNS = 5, 4, 4
 GOAL = 12.0
@@ -56,23 +55,23 @@ PACKAGES = (
 )
 
 
-def ours(index: int, folder: Path) -> tuple[int, Path]:
+def ours(index: int, folder: Path, config: CollectConfig) -> tuple[int, Path]:
     """One episode of emulated collection into a file, as `collect_folder` does it in one process.
 
     Returns:
         Steps of the simulation that are in the file, and the file.
     """
     path = folder / f"{index:04d}.mcap"
-    with BlackBox(folder / "boxes", ROWS, id=path.stem, task=OURS.task, meta={}) as box:
-        episode = demonstrate(index, OURS, box=box)
-        write_episode(path, episode, OURS.compression)
+    with BlackBox(folder / "boxes", ROWS, id=path.stem, task=config.task, meta={}) as box:
+        episode = demonstrate(index, config, box=box)
+        write_episode(path, episode, config.compression)
     return len(episode["tcp_pose"]), path
 
 
-def our_steps_per_s(first: int, folder: Path) -> np.ndarray:
+def our_steps_per_s(first: int, folder: Path, config: CollectConfig) -> np.ndarray:
     """Steps in a second over `EPISODES` episodes, by wall and process time. Shape (2,)."""
     start_s = now_s()
-    steps = sum(ours(index, folder)[0] for index in range(first, first + EPISODES))
+    steps = sum(ours(index, folder, config)[0] for index in range(first, first + EPISODES))
     return steps / (now_s() - start_s)
 
 
@@ -172,19 +171,19 @@ class Measured:
     touching: dict[str, float]
 
 
-def measure(peer: Peer, folder: Path, rounds: int) -> Measured:
+def measure(peer: Peer, folder: Path, rounds: int, config: CollectConfig) -> Measured:
     """Let all sides run in turn, round by round."""
-    _, recorded = ours(10_000, folder)  # The warm-up one.
+    _, recorded = ours(10_000, folder, config)  # The warm-up one.
     paths = {name: folder / name for name in SCENES}
-    save_ours(paths["peg"], recorded)
+    save_ours(paths["ours"], recorded)
     touching = {task: peer.ask("save", task=task, rate_hz=RATES_HZ[0], path=str(paths[task])) for task in TASKS}
     bare = {name: BareScene(path) for name, path in paths.items()}
     contacts = {name: (peer.ask("contacts", path=str(paths[name])), bare[name].contacts()) for name in SCENES}
     for name, (old, new) in contacts.items():
-        seen, recorded = new if name == "peg" else old, bare[name].recorded_contacts
+        seen, recorded = new if name == "ours" else old, bare[name].recorded_contacts
         if abs(seen - recorded) > 0.05 * recorded:
             raise SystemExit(f"bare steps of {name} had {seen:.1f} contacts, and what was recorded {recorded:.1f}.")
-    sides: dict[str, Callable[[int], Any]] = {"ours": lambda k: our_steps_per_s(k * EPISODES, folder)}
+    sides: dict[str, Callable[[int], Any]] = {"ours": lambda k: our_steps_per_s(k * EPISODES, folder, config)}
     for task, rate_hz in product(TASKS, RATES_HZ):
         sides[f"{task} {rate_hz}"] = lambda k, t=task, r=rate_hz: peer.ask("episode", task=t, rate_hz=r)
         sides[f"{task} {rate_hz}"](0)  # Made and compiled before it is timed.
@@ -227,7 +226,7 @@ def show(measured: Measured) -> None:
         contacts = "{:.1f}, {:.1f}".format(*measured.contacts[name])
         rate = f"{middle[f'old {name}']:8,.0f}  {middle[f'new {name}']:8,.0f}"
         print(f"  {name:17} {rate}           {ratio(f'new {name}', f'old {name}')}; {contacts}")
-    newer = paired("new peg", "old peg")
+    newer = paired("new ours", "old ours")
     for task in TASKS:
         theirs = f"{task} {RATES_HZ[0]}"
         whole, of_python = paired("ours", theirs), paired(f"old {task}", theirs)
@@ -236,10 +235,10 @@ def show(measured: Measured) -> None:
             f"\n{task} at {RATES_HZ[0]} Hz, what {whole:.2f} is made of:\n"
             f"  {of_python:5.2f}  bare steps of its scene against its own: its Python "
             f"(mj_step is {1.0 / of_python:.0%} of its time)\n"
-            f"  {paired('old peg', f'old {task}'):5.2f}  our scene against its scene, bare steps in {old}\n"
+            f"  {paired('old ours', f'old {task}'):5.2f}  our scene against its scene, bare steps in {old}\n"
             f"  {newer:5.2f}  {new} against {old} on our scene; without it {whole / newer:.2f}\n"
-            f"  {paired('ours', 'new peg'):5.2f}  our collection against bare steps of our scene; "
-            f"at 1.00 the whole would be {paired('new peg', theirs):.1f}\n"
+            f"  {paired('ours', 'new ours'):5.2f}  our collection against bare steps of our scene; "
+            f"at 1.00 the whole would be {paired('new ours', theirs):.1f}\n"
             f"  (its gripper touches something in {measured.touching[task]:.0%} of the steps)"
         )
 
@@ -249,16 +248,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = Path(tempfile.gettempdir(), "wrenchflow-robosuite")
     parser.add_argument("--env", type=Path, default=default, help="folder of robosuite's environment, made if absent")
+    parser.add_argument("--task", default="peg-insertion", help="of our side")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     arguments = parser.parse_args()
+    config = CollectConfig(operator="emulated", task=arguments.task)
     where = stay_on_one_core()
     peer = Peer(arguments.env.absolute())
     with tempfile.TemporaryDirectory() as name, black_boxes(Path(name, "boxes")):
-        measured = measure(peer, Path(name), arguments.rounds)
+        measured = measure(peer, Path(name), arguments.rounds, config)
     peer.close()
     print(f"one thread {where}; robosuite {VERSIONS['robosuite']} without recording and resets")
     print(
-        f"medians of {arguments.rounds} rounds (lowest to highest), by wall time; ours is {EPISODES} episodes a round\n"
+        f"medians of {arguments.rounds} rounds (lowest to highest), by wall time; ours is {EPISODES} episodes of {config.task} a round\n"
     )
     show(measured)
 
