@@ -3,7 +3,8 @@
 Ours is the whole of an attempt: drawing the scene, tare, operator, device, 1 kHz control with its safety layer, rows in
 a black box, the file. robosuite's is `env.step` alone, of a Panda that grasps and lifts, without pictures, resets or
 recording, in an environment of its own, which is made where `--env` says. Bare `mj_step` of the same scenes, in both
-versions of MuJoCo, tells what the ratio is made of. Run it as `python benchmarks/collect_rate.py [--task NAME] [--env FOLDER]`.
+versions of MuJoCo, tells what the ratio is made of. Run it as
+`python benchmarks/collect_rate.py [--task NAME] [--env FOLDER]`.
 """
 
 import os
@@ -259,7 +260,8 @@ def main() -> None:
     peer.close()
     print(f"one thread {where}; robosuite {VERSIONS['robosuite']} without recording and resets")
     print(
-        f"medians of {arguments.rounds} rounds (lowest to highest), by wall time; ours is {EPISODES} episodes of {config.task} a round\n"
+        f"medians of {arguments.rounds} rounds (lowest to highest), by wall time; ours is {EPISODES} episodes of "
+        f"{config.task} a round\n"
     )
     show(measured)
 
