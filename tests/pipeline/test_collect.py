@@ -7,15 +7,20 @@ import numpy as np
 import pytest
 
 from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.devices.device import Reading
 from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.follow import Follower
 from wrenchflow.collect.operators_table import require_operator
 from wrenchflow.collect.session import Session, demonstrate
+from wrenchflow.control.config import ControlConfig, Impedance
+from wrenchflow.control.controller import Controller
 from wrenchflow.errors import CalibrationError, ConfigError, OutputError
 from wrenchflow.manifest import read_manifest
 from wrenchflow.recording.reader import read_episode
+from wrenchflow.rig import load_rig
 from wrenchflow.sim.attempt import Attempt, episode_id
 from wrenchflow.sim.config import AttemptConfig
-from wrenchflow.spatial import compose, exp_so3, inverse, make_pose, rotation_of
+from wrenchflow.spatial import IDENTITY_POSE, compose, exp_so3, inverse, make_pose, rotation_of
 
 CONFIG = CollectConfig(seed=11)
 KILOHERTZ = {
@@ -117,8 +122,12 @@ def test_axes_are_whole_counts_and_say_what_the_twist_says(episodes):
     np.testing.assert_array_equal(joy.data, np.rint(joy.data))
     assert np.abs(joy.data[:, :6]).max() <= 350
     np.testing.assert_array_equal(joy.t, twist.t)
-    for counts, expected in zip(joy.data[:, :6].astype(np.int64), twist.data, strict=True):
-        np.testing.assert_array_equal(CONFIG.twist_map.twist(counts), expected)
+    follower = Follower(CONFIG.twist_map, Impedance(), IDENTITY_POSE, full_scale_counts=350, ticks=5)
+    controller = Controller(load_rig("panda_peg"), ControlConfig())
+    for t_ns, counts, expected in zip(joy.t.tolist(), joy.data[:, :6].astype(np.int64), twist.data, strict=True):
+        follower.take(Reading(t_ns=t_ns, counts=counts))
+        follower.move(t_ns, controller)
+        np.testing.assert_array_equal(follower.twist, expected)
 
 
 def test_an_index_is_every_bit_of_an_episode(episodes, unchecked):

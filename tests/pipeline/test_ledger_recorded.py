@@ -45,7 +45,7 @@ def test_it_is_read_as_it_was(tmp_path, episode):
 
 def test_what_was_refused_is_named_in_the_events_the_figures_and_by_info(tmp_path, peg, peg_model, rig, wrenchflow):
     attempt = Attempt(peg, peg_model, rig, AttemptConfig(tare_s=0.5), seed=(0, 1))
-    pose = attempt.target_pose[None]
+    pose = attempt.controller.target_pose[None]
 
     def send(t_obs_ns: int, poses: np.ndarray) -> str:
         t, kind = attempt.now_ns + 200_000_000 + np.arange(len(poses)), attempt.impedance
