@@ -1,6 +1,7 @@
 """The commands: what each takes, which stage it runs, and what it has to say of it."""
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,20 +12,28 @@ from typing import Annotated, Any
 from tqdm import tqdm
 from tyro.conf import Positional, arg
 
-from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.config import PEOPLE, CollectConfig
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.errors import ConfigError
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
-from wrenchflow.told import doctor_lines, quickstart_lines, recording_lines, result_lines, validation_lines
+from wrenchflow.told import (
+    collect_lines,
+    doctor_lines,
+    quickstart_lines,
+    recording_lines,
+    result_lines,
+    validation_lines,
+)
 from wrenchflow.train.config import TrainConfig
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 
 Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
 Jobs = Annotated[int, arg(help="Worker processes.")]
+Resume = Annotated[bool, arg(help="Go on with OUT, finished or interrupted; --episodes is how many it will hold.")]
 Json = Annotated[bool, arg(help="Print one JSON object instead of text.")]
 ConfigFile = Annotated[Path | None, arg(name="config", metavar="FILE.toml", help="Values of the flags below.")]
 Out = Annotated[Positional[Path], arg(metavar="OUT", help="Folder to write.")]
@@ -110,23 +119,49 @@ class Collect(Stage):
     out: Out
     config: Annotated[CollectConfig, _UNPREFIXED] = field(default_factory=CollectConfig)
     jobs: Jobs = 2
+    resume: Resume = False
+    review: Annotated[bool, arg(help="Ask after each attempt whether to keep it, where there is a terminal.")] = False
+    viewer: Annotated[bool, arg(help="Show the scene to a person with a device, where there is a display.")] = True
+    sound: Annotated[bool, arg(help="Let a person with a device hear a force that rises.")] = True
 
     def run(self) -> dict[str, Any]:
         """Do it."""
-        from wrenchflow.collect.session import collect_folder
+        from wrenchflow.collect.board.choose import choose_board
+        from wrenchflow.collect.coverage import empty_coverage
+        from wrenchflow.collect.folder import collect_folder
 
-        collecting = collect_folder(self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
-        done = watch("collect", collecting, self.config.episodes)
+        done, coverage = [], empty_coverage(self.config.task, self.config.rig)
+        with choose_board(self.config, has_sound=self.sound) as board:
+            for shown in collect_folder(
+                self.out,
+                self.config,
+                jobs=self.jobs,
+                overwrite=self.overwrite,
+                resume=self.resume,
+                board=board,
+                review=self.review,
+                viewer=self.viewer and self.config.operator in PEOPLE,
+            ):
+                board.add(shown)
+                done.append(shown)
+                coverage = coverage.with_(shown)
         told: dict[str, Any] = {
             "episodes": len(done),
             "samples": sum(demonstration.samples for demonstration in done),
             "successes": sum(demonstration.outcome.success for demonstration in done),
+            "failures": dict(Counter(one.outcome.failure for one in done if not one.outcome.success)),
+            "tares_refused": sum(len(demonstration.refused) for demonstration in done),
+            "coverage": coverage.to_mapping(),
         }
-        if self.config.realtime or self.config.live:
+        if self.config.is_paced:
             told["late_ticks"] = sum(demonstration.late_ticks for demonstration in done)
             told["lost"] = sum(demonstration.lost for demonstration in done)
             told["problems"] = [problem for demonstration in done for problem in demonstration.problems] or None
         return told | {"out": str(self.out)}
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """Figures, and what has been covered."""
+        return collect_lines(result)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,13 +90,14 @@ def read_json(path: Path) -> Any:
 
 @contextmanager
 def output_folder(
-    path: Path, *, overwrite: bool = False, reads: Iterable[Path] = (), mark: str = NAME
+    path: Path, *, overwrite: bool = False, resume: bool = False, reads: Iterable[Path] = (), mark: str = NAME
 ) -> Iterator[Path]:
     """Make a folder as `<name>.partial`, and rename it when the block ends well.
 
     Args:
         path: Where the finished folder goes.
         overwrite: Replace a folder of ours that is there, once the new one is whole; nothing else is ever replaced.
+        resume: Go on with what is there, finished or not: a finished folder is a partial one until the block ends.
         reads: What the stage reads, which must not lie in what it replaces.
         mark: A file, relative to the folder, that tells a folder of ours from anybody else's.
 
@@ -108,9 +109,14 @@ def output_folder(
             an interrupted run left there what cannot be made again, which a file called `KEEP` says.
     """
     target = path.resolve()
-    _require_replaceable(path, target, overwrite, reads, mark)
-    partial = target.with_name(target.name + ".partial")
-    with _held(path, partial, overwrite=overwrite):
+    _require_replaceable(path, target, overwrite or resume, reads, mark)
+    partial = partial_of(target)
+    begun = target if resume and target.exists() else partial
+    if begun == target and partial.exists():
+        raise OutputError(f"both '{path}' and '{partial}' are there, and only one can be gone on with: move one away.")
+    with _held(path, begun, overwrite=overwrite, resume=resume):
+        if begun == target:
+            os.replace(target, partial)
         yield partial
         (partial / KEEP).unlink(missing_ok=True)
         if target.exists():
@@ -122,6 +128,11 @@ def output_folder(
             shutil.rmtree(aside)
         else:
             os.replace(partial, target)
+
+
+def partial_of(path: Path) -> Path:
+    """What a folder or file is called until it is whole."""
+    return path.with_name(path.name + ".partial")
 
 
 def _require_replaceable(path: Path, target: Path, overwrite: bool, reads: Iterable[Path], mark: str) -> None:
@@ -139,8 +150,8 @@ def _require_replaceable(path: Path, target: Path, overwrite: bool, reads: Itera
 
 
 @contextmanager
-def _held(path: Path, partial: Path, *, overwrite: bool) -> Iterator[None]:
-    """Make the partial folder anew, and hold it, so that two runs never write into one."""
+def _held(path: Path, partial: Path, *, overwrite: bool, resume: bool) -> Iterator[None]:
+    """Make the partial folder anew, or take what is there, and hold it, so that two runs never write into one."""
     try:
         partial.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(partial, os.O_RDONLY)
@@ -151,10 +162,13 @@ def _held(path: Path, partial: Path, *, overwrite: bool) -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise OutputError(f"output '{path}' is being written by another run. Choose another place.") from error
+        if resume:
+            yield
+            return
         if not overwrite and (partial / KEEP).exists() and any(partial.glob("*.mcap*")):
             raise OutputError(
-                f"'{partial}' holds what an interrupted run recorded, which cannot be recorded again. Move it away, or "
-                "pass --overwrite."
+                f"'{partial}' holds what an interrupted run recorded, which cannot be recorded again. Pass --resume to "
+                "go on with it, move it away, or pass --overwrite."
             )
         for left in partial.iterdir():  # What an earlier run left behind; the folder itself carries the lock.
             if left.is_dir() and not left.is_symlink():

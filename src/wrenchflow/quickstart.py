@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, Protocol, TypedDict, runtime_checkable
 
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.session import demonstrate
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.datasets.export import export_folder
 from wrenchflow.deploy.config import DeployConfig

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
+from wrenchflow.collect.coverage_told import coverage_told
 from wrenchflow.pages.page import chance
 
 
@@ -18,6 +19,12 @@ def result_lines(result: Mapping[str, Any], indent: str = "") -> list[str]:
         else:
             lines.append(f"{indent}{key!s:<{width}}  {_said(value)}")
     return lines
+
+
+def collect_lines(result: Mapping[str, Any]) -> list[str]:
+    """What `collect` recorded, and how much of what can happen that has shown."""
+    plain = {key: value for key, value in result.items() if key not in ("coverage", "out")}
+    return result_lines({**plain, **coverage_told(result["coverage"]), "out": result["out"]})
 
 
 def _said(value: Any) -> str:

@@ -14,6 +14,7 @@ from hands.virtual_pad import VirtualPad
 from hands.wire import Wire, split, whole
 from wrenchflow import signals
 from wrenchflow.collect.devices.device import Reading, TeleopDevice
+from wrenchflow.collect.devices.emulated_spacemouse import EmulatedSpaceMouse
 from wrenchflow.collect.devices.gamepad import open_gamepad
 from wrenchflow.collect.devices.keyboard import Keyboard
 from wrenchflow.collect.devices.replay_device import Replay
@@ -87,6 +88,20 @@ class MouseBench(_Bench):
         self.wire.never_dry = True
 
 
+class EmulatedBench(_Bench):
+    """The mouse of the emulated person: a hand that makes report bytes, and the real one's driver."""
+
+    def __init__(self) -> None:
+        self.device = self._mouse = EmulatedSpaceMouse()
+
+    def deflect(self, share: float) -> None:
+        self._mouse.deflect(np.array([round(share * self._mouse.full_scale_counts), 0, 0, 0, 0, 0]))
+
+    def garbage(self) -> bool:
+        self._mouse.send(b"\x02\x01")
+        return True
+
+
 class KeyboardBench(_Bench):
     """A key is pressed or not; four is full speed."""
 
@@ -101,9 +116,6 @@ class KeyboardBench(_Bench):
         self._held = "w" if share > 0.0 else "s" if share < 0.0 else ""
         if self._held:
             self._typist.press(self._held)
-
-    def garbage(self) -> bool:
-        return False
 
     def unplug(self) -> bool:
         self._typist.is_there = False
@@ -163,6 +175,7 @@ class ReplayBench(_Bench):
 BENCHES: dict[str, Callable[[Path, Script], Bench]] = {
     "spacemouse wired": lambda folder, script: MouseBench(0xC635, is_split=True),
     "spacemouse wireless": lambda folder, script: MouseBench(0xC62F, is_split=False),
+    "emulated": lambda folder, script: EmulatedBench(),
     "keyboard": lambda folder, script: KeyboardBench(),
     "gamepad": lambda folder, script: GamepadBench(),
     "replay": lambda folder, script: ReplayBench(script),
@@ -230,9 +243,11 @@ class TestTeleopDevice:
         assert found == [0, full, -full]
 
     def test_stamps_never_go_back_even_where_the_clock_does(self, stage: Stage):
-        stage.play([(START_NS + i * MS, 1.0 if i % 3 else -1.0) for i in range(50)])
-        times = [START_NS + at * MS for at in (0, 5, 3, 20, 20, 11, 30, 0, 49)]
-        stamps = [stage.read(at).t_ns for at in times]
+        bench = stage.play([(START_NS + i * MS, 1.0 if i % 3 else -1.0) for i in range(50)])
+        stamps = []
+        for i, at in enumerate((0, 5, 3, 20, 20, 11, 30, 0, 49)):
+            bench.deflect(0.5 if i % 2 else -0.5)  # Something new at every read, whatever the clock shows.
+            stamps.append(stage.read(START_NS + at * MS).t_ns)
         assert stamps == sorted(stamps)
         assert stamps[0] == START_NS
         assert stamps[-1] == START_NS + 49 * MS

@@ -36,6 +36,7 @@ ONLY_IN = {
     "torch": {"policy", "train", "deploy"},
     "diffusers": {"policy", "train", "deploy"},
     "safetensors": {"policy", "train", "deploy"},
+    "rich": {"collect"},
     "rerun": {"view"},
     "rerun_cli": {"view"},
     "lerobot": {"collect"},

@@ -1,14 +1,20 @@
 """One class of rules over every task: what attempts, operators and the command line rest on."""
 
+from functools import cache
+from itertools import pairwise
+
 import mujoco
 import numpy as np
 import pytest
 
+from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.operators import Perception
 from wrenchflow.collect.scripted import Scripted
+from wrenchflow.collect.session import Session
 from wrenchflow.control.config import Impedance
 from wrenchflow.control.records import JOINTS
 from wrenchflow.rig import RIGS, load_rig
+from wrenchflow.sim.attempt import DEMONSTRATE, Attempt
 from wrenchflow.sim.panda import TIMESTEP_S
 from wrenchflow.sim.tasks import NAMES, make_task, scenery
 from wrenchflow.sim.tasks.task import Referee, Scene, Task, mjcf_of
@@ -140,6 +146,35 @@ class TestEveryTask:
             referee.see(np.repeat(above[None], samples, axis=0), np.zeros((samples, 6)))
             assert (referee.progress, referee.is_lost) == (0.0, False)
             assert referee.failure in task.failures
+
+    def test_its_referee_sees_the_same_in_one_look_as_in_many(self, name):
+        attempt = self._demonstrated(name)
+        seen = attempt.plant.seen
+        at_once, bit_by_bit = (attempt.task.referee(attempt.scene) for _ in range(2))
+        at_once.see(seen["tcp_pose"], seen["wrench"])
+        for start, stop in pairwise([0, 1, 7, 100, 101, len(seen)]):
+            bit_by_bit.see(seen["tcp_pose"][start:stop], seen["wrench"][start:stop])
+        for judged in ("progress", "failure", "is_lost"):
+            assert getattr(at_once, judged) == getattr(bit_by_bit, judged)
+        assert at_once.progress == attempt.outcome.progress
+
+    def test_an_emulated_person_does_it_and_the_attempt_ends_when_it_is_done(self, name):
+        attempt = self._demonstrated(name)
+        assert attempt.outcome.success
+        assert attempt.outcome.failure == ""
+        seen = attempt.plant.seen
+        before = attempt.task.referee(attempt.scene)
+        before.see(seen["tcp_pose"][:-1], seen["wrench"][:-1])
+        assert before.progress < 1.0
+
+    @staticmethod
+    @cache
+    def _demonstrated(name: str) -> Attempt:
+        config = CollectConfig(task=name, operator="emulated", profiles=("steady",))
+        task, rig, model = scenery(name)
+        attempt = Attempt(task, model, rig, config, seed=(0, 0, DEMONSTRATE))
+        Session(attempt, config).run()
+        return attempt
 
     def test_someone_knows_how_to_do_it(self, name, scene_of):
         task, scene = make_task(name), scene_of(0)

@@ -44,12 +44,14 @@ def ask_for_no_time() -> None:
         (
             lambda: make_task("peg-insert"),
             "ConfigError",
-            "unknown task 'peg-insert'. Did you mean 'peg-insertion'? Available: peg-insertion.",
+            "unknown task 'peg-insert'. Did you mean 'peg-insertion'? Available: connector-insertion, peg-insertion, "
+            "surface-wiping.",
         ),
         (
             lambda: load_rig("ur5"),
             "ConfigError",
-            "unknown rig 'ur5'. Available: panda_peg, panda_wiper. A rig of your own is named by its .toml file.",
+            "unknown rig 'ur5'. Available: panda_peg, panda_plug, panda_wiper. A rig of your own is named by its .toml "
+            "file.",
         ),
         (ask_for_no_time, "ControlError", "a segment lasts at least 1 tick, got 0."),
     ],

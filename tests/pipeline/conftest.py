@@ -91,6 +91,7 @@ def chain(wrenchflow, tmp_path_factory) -> Chain:
     said = {}
     for name, arguments in stages.items():
         ran = wrenchflow(*arguments, *(("--jobs", 1) if name in with_jobs else ()), "--json")
-        assert ran.stderr == "", name
+        lines = stages["collect"][3] if name == "collect" else 0  # One an episode, where nobody can see a board.
+        assert ran.stderr.count("\n") == lines, name
         said[name] = ran.result
     return Chain(folder=at, said=said)

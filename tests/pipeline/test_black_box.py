@@ -14,7 +14,8 @@ import pytest
 
 from wrenchflow.collect import session
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.session import demonstrate
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.run import deploy_folder
 from wrenchflow.errors import ControlError, OutputError, RecordingError

@@ -265,7 +265,7 @@ def test_cameras_in_real_time_by_the_command(tmp_path, wrenchflow):
 def test_where_nothing_can_be_drawn_collection_goes_on_without_and_says_so_once(
     monkeypatch, caplog, tmp_path, unchecked
 ):
-    from wrenchflow.collect.session import collect_folder
+    from wrenchflow.collect.folder import collect_folder
 
     monkeypatch.setattr(sim_camera, "find_gl", lambda: None)
     config = CollectConfig(episodes=2, tare_s=0.5, cameras=("wrist",))

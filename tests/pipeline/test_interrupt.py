@@ -68,7 +68,9 @@ def interrupted(
                 os.killpg(running.pid, signal.SIGKILL)
     assert (running.returncode, stdout) == (130, "")
     assert re.fullmatch(
-        r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n", stderr
+        r"(\d+ of \d+  .*\n)*"  # Episodes that were there.
+        r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n",
+        stderr,
     )
     left = {path for path in at.rglob("*") if path.is_file()} - before
     names = [str(path.relative_to(at)) for path in left if not path.name.endswith(".blackbox.mcap")]

@@ -11,9 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchflow.collect import realtime, session
+from wrenchflow.collect import folder as collecting
+from wrenchflow.collect import realtime
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.session import collect_folder, demonstrate
+from wrenchflow.collect.demonstration import demonstration_of
+from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.session import demonstrate
 from wrenchflow.control.safeguards import MODES
 from wrenchflow.errors import ControlError, OutputError
 from wrenchflow.ledger import Ledger
@@ -57,7 +60,7 @@ def test_what_is_recorded_while_it_happens_is_what_virtual_time_gives(tmp_path, 
 
 def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp_path, monkeypatch, unchecked, virtual):
     targets = []
-    begun = realtime._Beat.__init__
+    begun = realtime.Beat.__init__
 
     def begin_and_kill(self, recorder, *rest):
         begun(self, recorder, *rest)
@@ -69,7 +72,7 @@ def test_when_the_writer_dies_the_arm_holds_and_the_episode_can_be_recovered(tmp
         targets.append((target.copy(), ticks))
         return advance(self, target, ticks, *rest)
 
-    monkeypatch.setattr(realtime._Beat, "__init__", begin_and_kill)
+    monkeypatch.setattr(realtime.Beat, "__init__", begin_and_kill)
     monkeypatch.setattr(realtime.Attempt, "advance", seen)
     with unchecked(), pytest.raises(OutputError, match="died"):
         realtime.demonstrate_in_real_time(0, replace(CONFIG), tmp_path)
@@ -127,7 +130,9 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
     stdout, stderr = running.communicate(timeout=60.0)
     assert (running.returncode, stdout) == (code, "")
     said = {1: "emergency stop by SIGUSR1: the arm was braked.", 143: "terminated.", 130: "interrupted."}[code]
-    assert stderr == f"wrenchflow: {said} 1 of 2 episodes are in '{folder}'.\n"
+    line, last = stderr.splitlines()
+    assert line.startswith("1 of 2  ")
+    assert last == f"wrenchflow: {said} 1 of 2 episodes are in '{folder}'."
     (path,) = folder.glob("*.mcap")
     assert validate(path).problems == ()
     episode = read_episode(path)
@@ -140,13 +145,13 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
 
 
 def test_a_stop_during_the_start_up_checks_is_what_is_told(tmp_path, monkeypatch, unchecked):
-    check_cell = session.check_cell
+    check_cell = collecting.check_cell
 
     def stopped(config, stop):
         signal.raise_signal(signal.SIGUSR1)
         return check_cell(config, stop)
 
-    monkeypatch.setattr(session, "check_cell", stopped)
+    monkeypatch.setattr(collecting, "check_cell", stopped)
     with unchecked(), pytest.raises(ControlError, match="emergency stop by SIGUSR1"):
         list(collect_folder(tmp_path / "raw", CONFIG))
     assert not (tmp_path / "raw").exists()
@@ -181,12 +186,14 @@ def test_a_live_view_shows_what_is_recorded_and_changes_nothing_of_it(
         assert all(bytes(picture[0]) == data[stamp] for stamp, picture in zip(t.tolist(), pictures, strict=True))
 
 
-def test_what_an_interrupted_run_recorded_is_not_done_away_with(tmp_path, monkeypatch, unchecked):
-    def interrupted(index, config, folder, stop):
+def test_what_an_interrupted_run_recorded_is_not_done_away_with(tmp_path, monkeypatch, unchecked, virtual):
+    done = demonstration_of(virtual)
+
+    def interrupted(index, config, folder, stop, desk):
         if index == 1:
             raise KeyboardInterrupt
         (folder / "0000.mcap").write_text("a demonstration")
-        return "done"
+        return done
 
     monkeypatch.setattr(realtime, "demonstrate_in_real_time", interrupted)
     with unchecked():

@@ -3,12 +3,15 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from wrenchflow.collect.device_config import DeviceConfig
 from wrenchflow.collect.devices.twist_map import TwistMap
 from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
 
+# Operators that are a person with a device, and go by the clock.
+PEOPLE = ("spacemouse", "keyboard", "gamepad", "replay", "lerobot")
 TIMED = ("scripted", "blind-spiral")  # They are judged by the time that a policy has.
 
 
@@ -42,7 +45,8 @@ class CollectConfig(AttemptConfig):
 
     Attributes:
         episodes: How many attempts are recorded.
-        operator: Who demonstrates.
+        operator: Who demonstrates: scripted, emulated, hand-guided or blind-spiral, in virtual time; or a person with a
+            spacemouse, keyboard, gamepad, what lerobot drives, or the replay of a recording, which go by the clock.
         profiles: The people who take turns as the emulated operator, such as `steady novice`; without any, all.
         guided: How stiffly the arm is held while a hand leads it; in place of `impedance`, for `hand-guided`.
         device_hz: Reports of the device a second.
@@ -54,7 +58,11 @@ class CollectConfig(AttemptConfig):
         compression: Of the recordings: zstd, lz4 or none.
         cameras: The rig's cameras that are recorded, such as `wrist scene`.
         camera: Size and rate of their pictures.
+        device: What a person holds.
         twist_map: How the device's axes move the target.
+        time_limit_s: How long an attempt may last [s]; without it as long as the task says, but a minute for people.
+        tares: How often the sensor is tared at most: once more where something moved or touched the arm.
+        tare_wait_s: Between a tare that was refused and the next [s].
     """
 
     episodes: int = 10
@@ -69,7 +77,11 @@ class CollectConfig(AttemptConfig):
     compression: Literal["zstd", "lz4", "none"] = "zstd"
     cameras: tuple[str, ...] = ()
     camera: CameraConfig = field(default_factory=CameraConfig)
+    device: DeviceConfig = field(default_factory=DeviceConfig)
     twist_map: TwistMap = field(default_factory=TwistMap)
+    time_limit_s: float | None = None
+    tares: int = 3
+    tare_wait_s: float = 1.0
 
     @property
     def patience(self) -> float:
@@ -78,10 +90,17 @@ class CollectConfig(AttemptConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_at_least(1, device_hz=self.device_hz)
-        require_at_least(0, disturbance_m=self.disturbance_m)
+        require_at_least(1, device_hz=self.device_hz, tares=self.tares)
+        require_at_least(0, disturbance_m=self.disturbance_m, tare_wait_s=self.tare_wait_s)
+        if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= 3600.0:
+            raise ConfigError(f"time_limit_s is {self.time_limit_s:g}, expected more than 0 and 3600 at most.")
         require_positive(disturbance_s=self.disturbance_s)
         if len(set(self.cameras)) != len(self.cameras):
             raise ConfigError(f"cameras are {', '.join(self.cameras)}, expected each at most once.")
         if 1000 % self.device_hz:
             raise ConfigError(f"device_hz is {self.device_hz}, expected a divisor of the 1000 ticks a second.")
+
+    @property
+    def is_paced(self) -> bool:
+        """Whether ticks go by the clock."""
+        return self.realtime or self.live or self.operator in PEOPLE

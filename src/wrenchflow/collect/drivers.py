@@ -6,8 +6,10 @@ import numpy as np
 
 from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.devices.emulated_spacemouse import EmulatedSpaceMouse, steer_to
+from wrenchflow.collect.devices.lerobot_teleoperator import SeesFollower
 from wrenchflow.collect.follow import Follower
 from wrenchflow.collect.operators import Operator, Perception
+from wrenchflow.control.records import JOINTS
 from wrenchflow.filtering import window_mean
 from wrenchflow.observation import MEAN_NS
 from wrenchflow.process.live import LiveWrench
@@ -81,6 +83,7 @@ class DeviceDriver:
     def __init__(self, device: TeleopDevice) -> None:
         """Take a device that is open."""
         self._device, self.full_scale_counts = device, device.full_scale_counts
+        self._sees = device if isinstance(device, SeesFollower) else None
 
     def decide(self, attempt: Attempt, follower: Follower, now_ns: int) -> int:
         """Read the device.
@@ -88,6 +91,8 @@ class DeviceDriver:
         Raises:
             DeviceError: If it has gone.
         """
+        if self._sees is not None:
+            self._sees.see_follower(attempt.plant.recorded[-1]["joint_states"][:JOINTS], follower.target_pose)
         follower.take(self._device.read(now_ns))
         follower.move(now_ns, attempt.controller)
         return -1

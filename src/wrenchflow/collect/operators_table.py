@@ -5,6 +5,7 @@ import numpy as np
 from wrenchflow.collect.blind_spiral import BlindSpiral
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.devices.device import TeleopDevice
+from wrenchflow.collect.devices_table import DEVICES
 from wrenchflow.collect.drivers import DeviceDriver, Driver, OperatorDriver
 from wrenchflow.collect.hand_driver import HandDriver
 from wrenchflow.collect.hand_guided import GuidingDriver, led_by
@@ -24,8 +25,8 @@ def require_operator(config: CollectConfig) -> None:
     Raises:
         ConfigError: If there is no such operator or person, with the nearest name.
     """
-    if config.operator not in OPERATORS:
-        raise ConfigError(unknown("operator", config.operator, OPERATORS))
+    if config.operator not in (*OPERATORS, *DEVICES):
+        raise ConfigError(unknown("operator", config.operator, (*OPERATORS, *DEVICES)))
     names_of(config)
 
 

@@ -45,7 +45,7 @@ class Profile:
     motor_noise: float = 0.12
     tremor: float = 0.006
     tremor_hz: float = 9.5
-    feel_noise: float = 0.08
+    feel_noise: float = 0.05
     eye_m: float = 0.0002
     stroke_miss: float = 0.06
     stroke_rest_s: float = 0.12
@@ -56,8 +56,8 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
     {
         "steady": Profile(),
         "brisk": Profile(pace=1.7, press=1.15, delay_s=0.08, grip_s=0.12, motor_noise=0.18, stroke_miss=0.10, bow=0.05),
-        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.06, bow=1.2),
-        "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.12, bow=0.5),
+        "gentle": Profile(pace=0.7, press=0.7, delay_s=0.14, tremor=0.004, feel_noise=0.04, bow=1.2),
+        "heavy": Profile(pace=1.1, press=1.5, delay_s=0.13, motor_noise=0.16, feel_noise=0.07, bow=0.5),
         "novice": Profile(
             pace=0.85,
             press=1.2,
@@ -68,7 +68,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             motor_noise=0.25,
             tremor=0.010,
             tremor_hz=8.5,
-            feel_noise=0.15,
+            feel_noise=0.08,
             eye_m=0.0004,
             stroke_miss=0.15,
             stroke_rest_s=0.2,
@@ -79,8 +79,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
 # Nobody is the same twice: each trait varies by this much from episode to episode (standard deviation of its log).
 _VARIES = 0.12
 # What a trait of the skill grows with.
-_PACED = ("speed_m_s", "landing_m_s", "insert_m_s")
-_PRESSED = ("press_n",)
+_PACED = ("speed_m_s", "landing_m_s", "insert_m_s", "wipe_m_s")
 _OF_THE_HAND = (
     *("grip_s", "hand_s", "motor_noise", "tremor", "tremor_hz", "feel_noise", "eye_m"),
     *("stroke_miss", "stroke_rest_s", "bow"),
@@ -129,8 +128,7 @@ def make_hand(
     hand["task"], skill = skill_of(config.task, impedance or config.impedance)
     for trait in _PACED:
         skill[trait] *= person.pace
-    for trait in _PRESSED:
-        skill[trait] *= person.press
+    skill["press_n"] *= person.press ** skill["press_taste"]
     hand["skill"] = skill[0]
     hand["delay_periods"] = min(round(person.delay_s * config.device_hz), MEMORY - 1)
     for trait in _OF_THE_HAND:

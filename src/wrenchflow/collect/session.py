@@ -1,56 +1,29 @@
 """Record demonstrations: an operator sees and feels, a device moves the target, the arm follows, and all is kept."""
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wrenchflow import signals
-from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.config import PEOPLE, CollectConfig
 from wrenchflow.collect.devices.device import TeleopDevice
+from wrenchflow.collect.devices.emulated_spacemouse import FULL_SCALE_COUNTS
 from wrenchflow.collect.follow import PERIOD, Follower, note
 from wrenchflow.collect.hand_driver import HandDriver
-from wrenchflow.collect.operators_table import make_driver, require_operator
+from wrenchflow.collect.operators_table import make_driver
 from wrenchflow.collect.profiles import person_of
-from wrenchflow.collect.sim_camera import Album, views_of, without_what_cannot_be_drawn
+from wrenchflow.collect.sim_camera import Album, views_of
+from wrenchflow.collect.tare import tares_of
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
-from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.episode import Episode, Event, Stream
-from wrenchflow.episodes_map import map_episodes
-from wrenchflow.manifest import KEEP, output_folder, write_manifest
-from wrenchflow.recording.black_box import BlackBox, black_boxes
-from wrenchflow.recording.write import write_episode
-from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, Outcome, episode_id
-from wrenchflow.sim.startup import check_cell
-from wrenchflow.sim.streams import ROWS
+from wrenchflow.recording.black_box import BlackBox
+from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, episode_id
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
-
-
-@dataclass(frozen=True, kw_only=True)
-class Demonstration:
-    """What became of one recorded attempt.
-
-    Attributes:
-        id: Of the episode.
-        samples: At 1 kHz.
-        outcome: Done or not.
-        late_ticks: Of those that go by the clock, how many began more than a millisecond late.
-        lost: Rows that found no room, and rows and pictures that were never taken.
-        problems: What went wrong with cameras.
-    """
-
-    id: str
-    samples: int
-    outcome: Outcome
-    late_ticks: int = 0
-    lost: int = 0
-    problems: tuple[str, ...] = ()
 
 
 def demonstrate(
@@ -84,6 +57,8 @@ def demonstrate(
         glance_hz=config.camera.rate_hz,
         keep=box.rows if box else None,
         without=without,
+        tares=tares_of(config),
+        time_limit_s=config.time_limit_s,
     )
     session = Session(attempt, config)
     known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
@@ -105,7 +80,11 @@ def compliant(config: CollectConfig) -> CollectConfig:
 
 def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
     """What is known of an attempt by who runs it, before it begins."""
-    known = {"operator": config.operator, "collect": to_mapping(config)}
+    # How many there are is nothing to any of them.
+    configured = {name: value for name, value in to_mapping(config).items() if name != "episodes"}
+    known = {"operator": config.operator, "collect": configured}
+    if config.operator not in (*PEOPLE, "hand-guided"):
+        known["device"] = {"name": "emulated-spacemouse", "full_scale_counts": FULL_SCALE_COUNTS}
     if config.operator not in ("emulated", "hand-guided"):
         return known
     name, person = person_of(config, index)
@@ -191,63 +170,3 @@ class Session:
         edges = [*(int(done["t_ns"][i]) for i in starts), int(self._attempt.plant.recorded[-1]["t_ns"])]
         labels = [names[done["phase"][i]] for i in starts]
         return [Event(*span, "phase", label) for span, label in zip(pairwise(edges), labels, strict=True)]
-
-
-@dataclass(frozen=True)
-class _Record:
-    """One episode to a file; an object, so that it travels to a worker process."""
-
-    folder: Path
-    boxes: Path
-    config: CollectConfig
-
-    def __call__(self, index: int) -> Demonstration:
-        config, name = self.config, episode_id(self.config.task, self.config.seed, index)
-        with BlackBox(self.boxes, ROWS, id=name, task=config.task, meta=known_of(config, index)) as box:
-            episode = demonstrate(index, config, box=box)
-            write_episode(self.folder / f"{name}.mcap", episode, config.compression)
-        outcome = Outcome(**episode.meta["result"])
-        return Demonstration(id=name, samples=len(episode["tcp_pose"]), outcome=outcome)
-
-
-def collect_folder(
-    out: Path, config: CollectConfig, *, jobs: int = 1, overwrite: bool = False, executor: Executor | None = None
-) -> Iterator[Demonstration]:
-    """Record `config.episodes` demonstrations into a folder, and yield what became of each.
-
-    Args:
-        out: Folder of `<id>.mcap` and `manifest.json`; it appears when all are there.
-        config: What is demonstrated, by whom.
-        jobs: Worker processes.
-        overwrite: Replace a folder that is there.
-        executor: Used in place of worker processes of its own.
-
-    Raises:
-        OutputError: If `out` is there, and may not be replaced.
-        ConfigError: For a task, operator or rig that does not exist, or control limits beyond the hardware's.
-        StartupError: If the cell is not fit to be started.
-    """
-    _, rig, _ = scenery(config.task, config.rig)
-    config = without_what_cannot_be_drawn(config)
-    views_of(config, rig)
-    require_operator(config)
-    with output_folder(out, overwrite=overwrite) as folder:
-        startup = None if config.realtime or config.live else check_cell(config)
-        if config.realtime or config.live:
-            from wrenchflow.collect.realtime import demonstrate_in_real_time
-
-            (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
-            with EmergencyStop() as stop:
-                try:
-                    startup = check_cell(config, stop)
-                finally:  # Somebody who stops the check is told of the stop, not of what the check missed by it.
-                    stop.require_none("Nothing was recorded.")
-                # One after the other: what runs by the clock shares a core with nothing.
-                for index in range(config.episodes):
-                    yield demonstrate_in_real_time(index, config, folder, stop)
-                    stop.require_none(f"{index + 1} of {config.episodes} episodes are in '{folder}'.")
-        else:
-            with black_boxes(out) as boxes:
-                record = _Record(folder, boxes, config)
-                yield from map_episodes(record, range(config.episodes), jobs=jobs, executor=executor)
-        write_manifest(folder, "collect", config, seed=config.seed, startup=startup)

@@ -119,6 +119,10 @@ class Controller:
         state["takes_bias"] = 0
         law.start(obs, self.schedule[0], state)
 
+    def tare_again(self) -> None:
+        """Forget the bias that was taken so far, which something disturbed; while the arm waits it is taken anew."""
+        self.ctl[0]["bias_ticks"], self.ctl[0]["bias"] = 0, 0.0
+
     def _require_readable(self) -> None:
         if not state_is_sound(self.obs[0]):
             raise ControlError("the robot's state is not finite, or as no arm can be: control cannot begin.")

@@ -14,6 +14,7 @@ from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS, TICK_S, Controller
 from wrenchflow.control.safeguards import MODES, SAFEGUARDS
 from wrenchflow.episode import Episode, Event, Stream
+from wrenchflow.errors import CalibrationError
 from wrenchflow.ledger import STREAM, Ledger
 from wrenchflow.messages import Attachment
 from wrenchflow.rig import Rig
@@ -49,6 +50,21 @@ class Outcome:
     failure: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Tares:
+    """How often the sensor may be tared before an attempt is given up.
+
+    Attributes:
+        judge: Says, after each, why it cannot be used; nothing where it can.
+        most: How many there are at most.
+        wait_s: Between one that was refused and the next [s].
+    """
+
+    judge: "Callable[[Attempt], str]"
+    most: int = 1
+    wait_s: float = 0.0
+
+
 class Attempt:
     """A task drawn from a seed, with the arm at rest at its start; whoever acts on it asks its controller."""
 
@@ -66,6 +82,8 @@ class Attempt:
         glance_hz: float = 30.0,
         without: Iterable[str] = (),
         keep: Keep | None = None,
+        tares: Tares | None = None,
+        time_limit_s: float | None = None,
     ) -> None:
         """Draw the scene, then let the arm hold its start for the tare, whose second half tells the sensor's bias.
 
@@ -82,14 +100,20 @@ class Attempt:
             glance_hz: Pictures a second.
             without: Safeguards that are left out, to see what each is worth.
             keep: Gives the memory that rows are stored in, such as a black box's; without it they are nobody else's.
+            tares: Who judges the tare, and how often it may be done again; without it any will do.
+            time_limit_s: How long it may last [s]; without it, as long as the task says.
+
+        Raises:
+            CalibrationError: If the last tare that there may be was refused; the message says why.
         """
         scene_rng, plant_rng, self.rng, self.link_rng = generators(seed)
         self.task, self.rig, self.seed, self.impedance = task, rig, seed, config.impedance
         self.scene: Scene = task.draw(model, scene_rng)
         data = mujoco.MjData(model)
         task.place(model, data, self.scene)
-        self._time_limit_s = task.time_limit_s * config.patience
-        capacity_s = config.tare_s + self._time_limit_s + _MARGIN_S
+        self.time_limit_s = task.time_limit_s * config.patience if time_limit_s is None else time_limit_s
+        again_s = 0.0 if tares is None else (tares.most - 1) * (config.tare_s + tares.wait_s + TICK_S)
+        capacity_s = config.tare_s + again_s + self.time_limit_s + _MARGIN_S
         self.plant = Plant(model, data, rig, measurement or Measurement(), plant_rng, capacity_s=capacity_s)
         self._without = tuple(without)
         self.controller = Controller(rig, config.control, without=self._without)
@@ -97,17 +121,39 @@ class Attempt:
         self.plant.begin(self.controller, config.impedance)
         self._start_state = state_of(model, data)
         self._refusals: list[tuple[int, str]] = []
+        self._refused_tares: list[Event] = []
+        self._ended = ""
         if keep is not None:
             self.plant.rows = keep(self.meta, len(self.plant.rows))
         self._glance, self._glance_hz, self._glances = glance, glance_hz, 0
         self.beat = None if beat is None else beat(self)
-        # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it, and
-        # who tares now has the very samples that who reads the recording has.
         self._referee, self._watched = task.referee(self.scene), 0
-        rows = self._run(round(config.tare_s / TICK_S) + 1)
-        half = len(rows) // 2
-        self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
+        self.tare = self._tare(config.tare_s, tares)
         self.start_ns = self.tare.stop_ns
+
+    def _tare(self, tare_s: float, tares: Tares | None) -> Event:
+        """Rest, again and again until the rest will do; the safety layer, which has a bias of its own, begins anew."""
+        while True:
+            # The force of a tick comes with the next row, so the last row's is still to come: the tare ends before it,
+            # and who tares now has the very samples that who reads the recording has.
+            rows = self._run(round(tare_s / TICK_S) + 1)
+            half = len(rows) // 2
+            self.tare = Event(int(rows["t_ns"][half]), int(rows["t_ns"][-1]), "phase", "tare")
+            # Who is stopped has other things to do than to find out about a bias.
+            why = "" if tares is None or self._stopped else tares.judge(self)
+            if not why or tares is None:
+                return self.tare
+            self._refused_tares.append(Event(self.tare.start_ns, self.tare.stop_ns, "tare", f"refused: {why}"))
+            count = len(self._refused_tares)
+            if count >= tares.most:
+                times = "once" if count == 1 else f"{count} times, the last time because"
+                raise CalibrationError(f"the tare before the attempt was refused {times}: {why}")
+            self._run(round(tares.wait_s / TICK_S))
+            self.controller.tare_again()
+
+    def end(self, why: str) -> None:
+        """Let it be over, for a reason that only who runs it knows; a success stays one."""
+        self._ended = self._ended or why
 
     def accept(self, packet: np.ndarray) -> str:
         """Take in a plan before the next tick: what becomes of it, by `Controller.accept`."""
@@ -136,7 +182,7 @@ class Attempt:
             count: Periods, fewer where time runs out, and one only while the arm is stopped.
             drive: As of `follow`.
         """
-        left = math.ceil((self._time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
+        left = math.ceil((self.time_limit_s - self.elapsed_s) / (ticks * TICK_S) - 1e-9)
         count = 1 if self.controller.mode == "latched" else max(1, min(count, left))
         first = self.plant.count
         self._run(ticks * count, drive)
@@ -211,7 +257,7 @@ class Attempt:
             success=success,
             duration_s=self.elapsed_s,
             progress=progress,
-            failure="" if success else self._stopped or self._referee.failure,
+            failure="" if success else self._stopped or self._ended or self._referee.failure,
         )
 
     @property
@@ -221,8 +267,8 @@ class Attempt:
 
     @property
     def over(self) -> bool:
-        """Whether the task is done or lost, its time has run out, or the arm is latched and had the time to rest."""
-        if self.elapsed_s >= self._time_limit_s or self.controller.latched_s >= _REST_S:
+        """Whether the task is done or lost, somebody ended it, its time is up, or the arm is latched and could rest."""
+        if self._ended or self.elapsed_s >= self.time_limit_s or self.controller.latched_s >= _REST_S:
             return True
         return self._is_decided
 
@@ -232,10 +278,10 @@ class Attempt:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """The tare, what the safety layer did, and how things stand now as the end."""
+        """The tare and those before it, what the safety layer did, and how things stand now as the end."""
         end_ns, outcome = int(self.plant.recorded["t_ns"][-1]), self.outcome
         end = Event(end_ns, end_ns, "success" if outcome.success else "failure", outcome.failure)
-        return self.tare, *self.ledger.events, end
+        return *self._refused_tares, self.tare, *self.ledger.events, end
 
     @property
     def ledger(self) -> Ledger:

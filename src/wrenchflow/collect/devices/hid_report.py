@@ -50,7 +50,10 @@ def refusal(code: int, kind: int, length: int) -> str:
 
 @kernel
 def decode(
-    report: UInt8[np.ndarray, " n"], length: int, counts: Int64[np.ndarray, " 6"], buttons: Int64[np.ndarray, " 1"]
+    report: UInt8[np.ndarray, " n"],
+    length: int | np.int64,
+    counts: Int64[np.ndarray, " 6"],
+    buttons: Int64[np.ndarray, " 1"],
 ) -> np.int64:
     """Take one report in.
 

@@ -20,6 +20,7 @@ TRAITS = {
     "centred_m": 0.001,
     "touch_n": 1.0,
     "press_n": 8.0,
+    "press_taste": 1.0,
     "press_step_n": 3.0,
     "search_margin_m": 0.0016,
     "walk_margin_m": 0.0025,

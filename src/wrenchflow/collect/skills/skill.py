@@ -51,6 +51,7 @@ SKILL = record_dtype(
         # In contact.
         ("touch_n", "f8"),  # contact is felt from here on
         ("press_n", "f8"),
+        ("press_taste", "f8"),  # how far people press as they like, 1, or as the task demands, 0
         ("press_step_n", "f8"),  # how far the wanted press may be ahead of the felt one
         ("search_margin_m", "f8"),  # lead over what friction holds, where the wrench says where to go
         ("walk_margin_m", "f8"),  # and where it does not

@@ -22,7 +22,29 @@ _WATCH_S = 0.005  # Time between two looks of a referee.
 
 @dataclass(frozen=True, kw_only=True)
 class ConnectorInsertion:
-    """A plug, a socket somewhere near and turned, and a guess of both that is off."""
+    """A plug, a socket somewhere near and turned, and a guess of both that is off.
+
+    Geometry: the plug is 14 x 6 mm, a shell whose rim is a ring of 12 capsules; the socket has 0.25 mm of play a side,
+    chamfers of 0.5 mm at 45 degrees, and a flat around its mouth. The plug falls in by itself within 1.05 mm of the
+    middle along x and along y; in the socket it can turn by 2 degrees, in the chamfers by 8.
+
+    Latch: two noses overlap two springs by 0.4 mm where the tip is 6 mm deep. They are soft contacts and no bodies, so
+    the arm's seven joints are the model's only ones. A plug that is pushed slowly needs 13 N to get over the crest,
+    with friction, at 30 mm/s 15 N; then the force falls to 5 N, and rubber from 6.1 mm on stops the plug at 7 mm. Who
+    eases off as soon as the latch gives feels 17 to 20 N there; the leash alone would allow 25 N.
+
+    Contact: steel has friction 0.2, solref 4 ms, and a stiffness that comes in from zero over 0.1 mm; latch and rubber
+    have contacts of their own, by priority.
+
+    Randomisation: the socket within 25 mm and 20 degrees, perceived with a standard deviation of 1.5 mm in x and in y
+    and of 3 degrees; the start within 20 mm of what is perceived, 30 to 45 mm above it, tilted by up to a degree and
+    turned by up to 8.
+
+    Force is needed to find the socket, to turn the plug, and to get over the crest without ever exceeding 30 N. The
+    scripted operator seats 99 % of its plugs; with its wrench zeroed none, for it neither finds the mouth nor pushes.
+    Who feels nothing and presses 6 N where the socket seems to be, then 18 N, seats 12 %; the blind spiral, which
+    remembers where it has been, 58 %, and it exceeds 30 N in 5 %.
+    """
 
     name: str = "connector-insertion"
     rig: str = "panda_plug"
@@ -30,7 +52,7 @@ class ConnectorInsertion:
     failures: tuple[str, ...] = ("over-force", "unseated", "jammed", "missed", "timeout")
     time_limit_s: float = 12.0
     shape: ConnectorShape = field(default_factory=ConnectorShape)
-    force_limit_n: float = 30.0
+    force_limit_n: float = 30.0  # low-passed at 50 Hz
     seated_m: float = 0.0064  # depth of the tip that is past the crest
     settle_s: float = 0.1  # for which it has to stay there
     centre_m: tuple[float, float, float] = (0.50, 0.0, 0.10)  # middle of where the mouth may be
@@ -104,7 +126,7 @@ def _about_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
 
 
 class ConnectorReferee:
-    """Seated is who stays past the crest for a while; what bounces off the stop is not in, and what was crushed is lost."""
+    """Seated is what stays past the crest for a while, so that the blow on the stop counts; who crushes has lost."""
 
     def __init__(self, task: ConnectorInsertion, scene: Scene) -> None:
         """Judge one attempt at a scene."""

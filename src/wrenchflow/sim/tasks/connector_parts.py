@@ -11,6 +11,7 @@ from wrenchflow.spatial import quat_of
 
 # Latch noses meet springs and nothing else, as if they ran in grooves: bits of their own, beside the arm's and world's.
 _NOSE_CONTYPE, _SPRING_CONTYPE = 4, 8
+_SUNK_M = 0.005  # Rubber reaches into the walls, for what sinks in is pushed out by the nearest face.
 _COLLAR_M = 0.035  # Half width of the flat around the mouth.
 _RUBBER_M = 0.0015  # What can be pressed of it; the steel below holds.
 _SPRING_DEPTH_M = 0.0015  # Of the springs below the mouth.
@@ -35,8 +36,9 @@ class ConnectorShape:
         stop_m: Depth at which the tip meets the rubber.
         nose_radius_m: Of the noses and of the springs.
         interference_m: By which nose and spring overlap at the crest.
-        latch_solref: Contact of noses and springs.
+        latch_solref: Contact of noses and springs: -stiffness, -damping, mass-normalised [1/s^2, 1/s].
         stop_solref: Contact of the tip and the rubber.
+        stop_give: Largest impedance of that contact; less is softer.
         friction: Of steel on steel.
         latch_friction: Of the noses on the springs.
     """
@@ -58,39 +60,24 @@ class ConnectorShape:
     latch_friction: float = 0.1
 
     @property
-    def steel(self) -> dict:
-        """Contact of what is hard.
+    def capture_m(self) -> float:
+        """How far off the middle, along x or y, the rim still meets a chamfer."""
+        return self.clearance_m + self.chamfer_m + self.rim_radius_m
 
-        Stiff, for at MuJoCo's defaults a 20 N push sinks in by more than the clearance; but with a force that grows from
-        nothing over the first 0.1 mm, without which a plug that slides has no contact at all in half of the ticks.
-        """
-        return {
-            "friction": [self.friction, 0.0, 0.0],
-            "solref": [0.004, 1.0],
-            "solimp": [0.0, 0.95, 0.0001, 0.5, 2.0],
-            "condim": 3,
-        }
+    @property
+    def _steel(self) -> dict:
+        # Stiff, for at MuJoCo's defaults a 20 N push sinks in by more than the clearance; but with a force that grows
+        # from nothing over the first 0.1 mm, or a plug that slides has no contact at all in half of the ticks.
+        return _contact(self.friction, (0.004, 1.0), 0.95, 0.0001)
 
     @property
     def _latch(self) -> dict:
-        # Of constant stiffness, so that the snap follows from the overlap.
-        return {
-            "friction": [self.latch_friction, 0.0, 0.0],
-            "solref": list(self.latch_solref),
-            "solimp": [0.0, 0.9, 0.0003, 0.5, 2.0],
-            "condim": 3,
-            "priority": 1,
-        }
+        # Stiffness in place of a time constant: soft, with little of its own damping, so that the snap is a spring's.
+        return {**_contact(self.latch_friction, self.latch_solref, 0.9, 0.0003), "priority": 1}
 
     @property
     def _rubber(self) -> dict:
-        return {
-            "friction": [self.friction, 0.0, 0.0],
-            "solref": list(self.stop_solref),
-            "solimp": [0.0, self.stop_give, 0.0003, 0.5, 2.0],
-            "condim": 3,
-            "priority": 1,
-        }
+        return {**_contact(self.friction, self.stop_solref, self.stop_give, 0.0003), "priority": 1}
 
     def add_plug(self, plug: mujoco.MjsBody) -> None:
         """Add housing, shell and noses to a body whose origin is the middle of the tip, z outwards."""
@@ -113,7 +100,7 @@ class ConnectorShape:
                 contype=ARM_CONTYPE,
                 conaffinity=WORLD_CONTYPE,
                 mass=0.0,
-                **self.steel,
+                **self._steel,
             )
         for side in (-1.0, 1.0):
             plug.add_geom(
@@ -146,11 +133,13 @@ class ConnectorShape:
         bottom_m = self.stop_m + _RUBBER_M
         for axis in (0, 1):
             for side in (-1.0, 1.0):
-                _add_ring_box(block, axis, side, hole, 0.006, (-self.chamfer_m, -bottom_m), _FIXTURE, hard | self.steel)
-                _add_ring_box(block, axis, side, mouth, _COLLAR_M - 0.01, (0.0, -0.004), _MOUTH, hard | self.steel)
+                _add_ring_box(
+                    block, axis, side, hole, 0.006, (-self.chamfer_m, -bottom_m), _FIXTURE, hard | self._steel
+                )
+                _add_ring_box(block, axis, side, mouth, _COLLAR_M - 0.01, (0.0, -0.004), _MOUTH, hard | self._steel)
                 self._add_chamfer(block, axis, side, hole, hard)
         block.add_geom(
-            pos=[0, 0, -self.stop_m - 0.004], size=[*(hole + 0.005), 0.004], rgba=_RUBBER, **hard, **self._rubber
+            pos=[0, 0, -self.stop_m - 0.004], size=[*(hole + _SUNK_M), 0.004], rgba=_RUBBER, **hard, **self._rubber
         )
         depth_m = base_m - bottom_m
         block.add_geom(
@@ -158,7 +147,7 @@ class ConnectorShape:
             size=[0.04, 0.035, depth_m / 2.0],
             rgba=_FIXTURE,
             **hard,
-            **self.steel,
+            **self._steel,
         )
         apart_m = self._nose_m + 2.0 * self.nose_radius_m - self.interference_m
         for side in (-1.0, 1.0):
@@ -187,8 +176,17 @@ class ConnectorShape:
             size=[half_m, float(np.abs(along[:2]) @ hole) + self.chamfer_m, thick_m],
             rgba=_MOUTH,
             **hard,
-            **self.steel,
+            **self._steel,
         )
+
+
+def _contact(friction: float, solref: tuple[float, float], most: float, width_m: float) -> dict:
+    return {
+        "friction": [friction, 0.0, 0.0],
+        "solref": list(solref),
+        "solimp": [0.0, most, width_m, 0.5, 2.0],
+        "condim": 3,
+    }
 
 
 def _add_ring_box(

@@ -31,7 +31,6 @@ _TALLY = record_dtype(
         ("touched", "i8"),
         ("reached", "i8"),
         ("pressed", "i8"),  # too hard
-        ("here", "i8"),  # the element that the tool is in, or -1
         ("done_m", "f8"),
         ("spoilt_m", "f8"),
     ]
@@ -42,8 +41,7 @@ _TALLY = record_dtype(
 def judge(T_base_tcp, wrench, surface, elements, lengths, tally):
     """Take in samples; records `_SURFACE` and `_TALLY`, and what has become of the elements of the way.
 
-    Nothing counts before the first touch, for the tool may come from above any part of the way. An element is done
-    when the tool has left it, so that all of them are done only at the end.
+    Nothing counts before the first touch, for the tool may come from above any part of the way.
     """
     goal, now = surface[0], tally[0]
     for k in range(T_base_tcp.shape[0]):
@@ -56,14 +54,12 @@ def judge(T_base_tcp, wrench, surface, elements, lengths, tally):
             now.touched = 1
         if press > goal.force_max_n:
             now.pressed = 1
-        now.here = -1
         if now.touched == 0:
             continue
         if x >= END_M:
             now.reached = 1
         elif x >= BEGIN_M:
             here = min(int((x - BEGIN_M) / (END_M - BEGIN_M) * elements.shape[0]), elements.shape[0] - 1)
-            now.here = here
             found = _EVEN
             # How far beside a way that is nearly straight: what is across, less what the swing makes of it.
             if abs(y - aside(x)) / math.sqrt(1.0 + slope(x) ** 2) > goal.aside_max_m:
@@ -77,7 +73,7 @@ def judge(T_base_tcp, wrench, surface, elements, lengths, tally):
     for i in range(elements.shape[0]):
         if elements[i] > _EVEN:
             spoilt += lengths[i]
-        elif elements[i] == _EVEN and i != now.here:
+        elif elements[i] == _EVEN:
             done += lengths[i]
     now.done_m, now.spoilt_m = done, spoilt
 
