@@ -153,7 +153,7 @@ def real_takes(path: Path) -> list[Take]:
     for each in loadmat(path)["symbol_data"].flat:
         force = np.asarray(each["F"], float).T
         smooth = _lowpass(force, ProcessConfig().cutoff_hz, REAL_HZ)
-        takes.append(Take(who="real", rate_hz=REAL_HZ, position_m=each["pos"].T, force_n=force, smooth_n=smooth))
+        takes.append(Take(who="real hand", rate_hz=REAL_HZ, position_m=each["pos"].T, force_n=force, smooth_n=smooth))
     return takes
 
 
