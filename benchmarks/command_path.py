@@ -71,6 +71,7 @@ class SocketWire:
 def push_when_told(end: socket.socket, told: Connection) -> None:
     """Send a report so many seconds after being told to, and say when it was; None ends it."""
     (report,) = reports_of((FULL_SCALE_COUNTS, 0, 0, 0, 0, 0), "whole")
+    told.send(time.monotonic_ns())  # It is there; a process takes seconds to begin.
     while (wait_s := told.recv()) is not None:
         time.sleep(wait_s)
         now_ns = time.monotonic_ns()
@@ -85,6 +86,7 @@ def in_real_time(trials: int) -> tuple[np.ndarray, np.ndarray]:
     told, tell = context.Pipe()
     process = context.Process(target=push_when_told, args=(theirs, told), daemon=True)
     process.start()
+    tell.recv()
     model = SpaceMouseModel(name="SpaceMouse at a socket", full_scale_counts=FULL_SCALE_COUNTS)
     calm, rng = undisturbed(PERIODS), np.random.default_rng(0)
     took, late = [], []

@@ -11,7 +11,7 @@ from operator_takes import BANDS_HZ, FORCE_KNOWN_HZ, MOTION_KNOWN_HZ, TREMOR, Ta
 from wrenchflow.pages import theme
 
 SPREAD = ("peak force [N]", "duration [s]", "path [m]")
-REAL = "real"
+REAL = "real hand"
 _NEUTRAL = "#7a828c"
 _SHOWN_S = 8.0
 _SPECTRA = {"force_spectrum": FORCE_KNOWN_HZ, "motion_spectrum": MOTION_KNOWN_HZ}

@@ -17,7 +17,7 @@ MOTION_HZ = 10.0
 STANDS_OUT, STANDS_OUT_M_S = 0.05, 0.002
 TOUCH_N = 1.0
 WINDOW_S = 0.5  # Of a spectrum; so long a contact has to last to have one.
-BANDS_HZ = {"below 2 Hz": (0.0, 2.0), "2 to 8": (2.0, 8.0), "8 to 12": (8.0, 12.0), "12 to 40": (12.0, 40.0)}
+BANDS_HZ = {"2 to 8": (2.0, 8.0), "8 to 12": (8.0, 12.0), "12 to 40": (12.0, 40.0)}
 TREMOR = "8 to 12"
 # Up to where a spectrum is of the hand and the tool. A velocity from measured joints is mostly noise from here on.
 FORCE_KNOWN_HZ, MOTION_KNOWN_HZ = 40.0, 15.0
@@ -104,9 +104,9 @@ class Take:
 
 
 def share(hz: np.ndarray, power: np.ndarray, band: tuple[float, float], known_hz: float) -> float:
-    """What lies in one band, of the power up to `known_hz`."""
-    inside = (hz >= band[0]) & (hz < band[1])
-    return float(power[inside].sum() / power[hz < known_hz].sum())
+    """What lies in one band, of the power from what a window can tell up to `known_hz`."""
+    inside, all_of_it = (hz >= band[0]) & (hz < band[1]), (hz >= 1.0 / WINDOW_S) & (hz < known_hz)
+    return float(power[inside].sum() / power[all_of_it].sum())
 
 
 def sparc(speed: np.ndarray, rate_hz: float) -> float:
@@ -153,7 +153,7 @@ def real_takes(path: Path) -> list[Take]:
     for each in loadmat(path)["symbol_data"].flat:
         force = np.asarray(each["F"], float).T
         smooth = _lowpass(force, ProcessConfig().cutoff_hz, REAL_HZ)
-        takes.append(Take(who="real", rate_hz=REAL_HZ, position_m=each["pos"].T, force_n=force, smooth_n=smooth))
+        takes.append(Take(who="real hand", rate_hz=REAL_HZ, position_m=each["pos"].T, force_n=force, smooth_n=smooth))
     return takes
 
 

@@ -156,6 +156,7 @@ def test_the_bytes_of_a_report_are_what_the_device_is_read_to_say(name):
         person.period()
         report = person.hand["report"][0]
         assert decode(report, report.size, axes, buttons) == SOUND
+        np.testing.assert_array_equal(axes, person.hand["counts"][0])
         np.testing.assert_array_equal(axes, person.follower.counts)
         mouse.send(report.tobytes())
         reading = mouse.read(period + 1)
