@@ -40,12 +40,3 @@ class Approach:
         landing_m = min(floor_m, tip_m[2]) - self.landing_m_s * self.lag_s
         wanted[2] = max(tip_m[2] - speed_m_s * self.lag_s, landing_m)
         return wanted, "approach" if height_m > self.hover_m else "land"
-
-
-def spiral_direction(from_goal_m: Float[np.ndarray, " 2"], pitch_m: float) -> Float[np.ndarray, " 2"]:
-    """Unit direction of an Archimedean spiral about the goal, at a place: where one is says where to go next."""
-    radius_m = max(math.hypot(*from_goal_m), 1e-4)
-    outward = from_goal_m / radius_m
-    around = np.array([-outward[1], outward[0]])
-    spiral = around + outward * pitch_m / (2.0 * math.pi * radius_m)
-    return spiral / math.hypot(*spiral)

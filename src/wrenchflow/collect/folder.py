@@ -90,9 +90,11 @@ def collect_folder(
         sitting if config.is_paced else nullcontext(),
         output_folder(out, overwrite=overwrite, resume=resume) as folder,
     ):
-        resuming.begin(folder, config, by_the_clock=config.is_paced)
         there, missing = resuming.there_and_missing(folder, config)
-        startup = None if config.is_paced else check_cell(config)
+        startup = None
+        if not config.is_paced:
+            startup = check_cell(config)
+            resuming.begin(folder, config, by_the_clock=False)
         yield from map(demonstration_in, there)
         if config.is_paced:
             (folder / KEEP).touch()  # What is recorded by the clock is not done away with by the next run.
@@ -101,6 +103,7 @@ def collect_folder(
                     startup = check_cell(config, stop)
                 finally:  # Somebody who stops the check is told of the stop, not of what the check missed by it.
                     stop.require_none("Nothing was recorded.")
+                resuming.begin(folder, config, by_the_clock=True)
                 # One after the other: what runs by the clock shares a core with nothing.
                 yield from sitting.run(missing, folder, stop, len(there))
         else:

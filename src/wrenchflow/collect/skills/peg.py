@@ -54,8 +54,11 @@ def want(skill, seen, wanted):
     margin = skill.search_margin_m
     if strength <= skill.moment_min_nm:
         # Without a moment the hole is far, and nothing can be overrun: outward, along a spiral about the goal.
-        radius = max(math.sqrt(seen.x[0] * seen.x[0] + seen.x[1] * seen.x[1]), 1e-4)
-        out_x, out_y = seen.x[0] / radius, seen.x[1] / radius
+        radius = math.sqrt(seen.x[0] * seen.x[0] + seen.x[1] * seen.x[1])
+        out_x, out_y = 1.0, 0.0  # From the very middle any way is outward.
+        if radius > 1e-4:
+            out_x, out_y = seen.x[0] / radius, seen.x[1] / radius
+        radius = max(radius, 1e-4)
         growth = skill.pitch_m / (2.0 * math.pi * radius)
         along_x, along_y = out_y + growth * out_x, -out_x + growth * out_y
         strength = math.sqrt(along_x * along_x + along_y * along_y)
