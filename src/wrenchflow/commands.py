@@ -1,5 +1,6 @@
 """The commands: what each takes, which stage it runs, and what it has to say of it."""
 
+import logging
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -129,7 +130,10 @@ class Collect(Stage):
         from wrenchflow.collect.board.choose import choose_board
         from wrenchflow.collect.coverage import empty_coverage
         from wrenchflow.collect.folder import collect_folder
+        from wrenchflow.compiled import is_cold
 
+        if is_cold():
+            logging.getLogger("wrenchflow").warning("compiling the 1 kHz loop: about a minute, this once.")
         done, coverage = [], empty_coverage(self.config.task, self.config.rig)
         with choose_board(self.config, has_sound=self.sound) as board:
             for shown in collect_folder(

@@ -49,6 +49,12 @@ def cache_folder() -> Path | None:
         return None
 
 
+def is_cold() -> bool:
+    """Whether no kernel of this version has been compiled and kept yet."""
+    folder = cache_folder()
+    return folder is None or next(folder.rglob("*.nbi"), None) is None
+
+
 def sources_hash(package: Path) -> str:
     """Hash of all source files under `package` that hold kernels, by name and content."""
     digest = hashlib.sha256()

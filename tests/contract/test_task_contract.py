@@ -65,6 +65,7 @@ class TestEveryTask:
             assert all(names)
         assert "timeout" in task.failures
         assert 1.0 <= task.time_limit_s <= 60.0
+        assert 5.0 <= task.force_limit_n <= 40.0
 
     def test_its_model_has_the_arms_joints_and_no_others(self, name):
         model = scenery(name)[2]

@@ -317,6 +317,13 @@ def test_the_end_of_the_way_ends_the_attempt(attempts):
         assert END_M <= felt(attempt)[0][-1] < END_M + 0.002
 
 
+def go(attempt: Attempt, target: np.ndarray, ticks: int) -> None:
+    """Move the target there in a straight line."""
+    start = attempt.controller.target_pose
+    attempt.controller.ask(start, target, ticks=ticks, impedance=attempt.impedance)
+    attempt.follow(ticks)
+
+
 def test_pressed_where_the_surface_seems_to_be_it_is_spoilt():
     """K times what the height is off is what the press is off: 2 N are 3.3 mm."""
     for index in (0, 1, 2):
@@ -324,9 +331,9 @@ def test_pressed_where_the_surface_seems_to_be_it_is_spoilt():
         seems, deep_m = attempt.scene.T_base_goal_perceived, 8.0 / CONFIG.impedance.translation_n_m
         off_m = [(on(attempt.scene.T_base_goal, along) - on(seems, along))[2] for along in (BEGIN_M, END_M)]
         assert max(np.abs(off_m)) > 0.004
-        attempt.advance(on(seems, 0.0, depth_m=-0.014), 1600)
-        attempt.advance(on(seems, 0.0, depth_m=deep_m), 2200)
+        go(attempt, on(seems, 0.0, depth_m=-0.014), 1600)
+        go(attempt, on(seems, 0.0, depth_m=deep_m), 2200)
         for along in np.arange(0.0, END_M + 0.03, 0.002):
             if not attempt.over:
-                attempt.advance(on(seems, along, depth_m=deep_m), 50)
+                go(attempt, on(seems, along, depth_m=deep_m), 50)
         assert attempt.outcome.failure in ("uneven", "lifted", "over-force")

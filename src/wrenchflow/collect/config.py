@@ -97,6 +97,16 @@ class CollectConfig(AttemptConfig):
         require_positive(disturbance_s=self.disturbance_s)
         if len(set(self.cameras)) != len(self.cameras):
             raise ConfigError(f"cameras are {', '.join(self.cameras)}, expected each at most once.")
+        if not 50.0 <= self.guided.translation_n_m <= 200.0:
+            raise ConfigError(
+                f"guided.translation_n_m is {self.guided.translation_n_m:g}, expected from 50 to 200: what is stiffer "
+                "cannot be led by hand."
+            )
+        if 1.0 / self.device_hz > self.twist_map.dead_man_s:
+            raise ConfigError(
+                f"device_hz is {self.device_hz}, so that reports come further apart than the "
+                f"{self.twist_map.dead_man_s:g} s after which a device counts as silent (twist_map.dead_man_s)."
+            )
         if 1000 % self.device_hz:
             raise ConfigError(f"device_hz is {self.device_hz}, expected a divisor of the 1000 ticks a second.")
 

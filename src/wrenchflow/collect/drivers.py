@@ -98,6 +98,6 @@ class DeviceDriver:
         return -1
 
     def look_back(self, attempt: Attempt, first: int) -> None:
-        """Let the hand feel how hard the tool presses, over what the arm would draw back from."""
+        """Let the hand feel how hard the tool presses, over what would spoil the work."""
         force_n = float(np.linalg.norm(attempt.controller.ctl[0]["wrench"][:3]))
-        self._device.feel(min(force_n / float(attempt.controller.ctl[0]["retreat_force"]), 1.0))
+        self._device.feel(min(force_n / attempt.task.force_limit_n, 1.0))

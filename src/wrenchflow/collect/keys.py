@@ -7,6 +7,7 @@ held is only seen to repeat.
 import re
 import signal
 import sys
+import termios
 import time
 from collections import deque
 from collections.abc import Collection
@@ -105,7 +106,9 @@ class Keys:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave the terminal as it was, whatever happened."""
+        """Leave the terminal as it was, whatever happened; what was typed and not read is not for the shell."""
+        if self.is_there:
+            termios.tcflush(sys.__stdin__, termios.TCIFLUSH)  # pyright: ignore[reportArgumentType]
         self.is_there, self._terminal = False, None
         self._stack.close()
 

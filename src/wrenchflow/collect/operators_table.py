@@ -18,6 +18,7 @@ from wrenchflow.sim.tasks import make_task
 
 OPERATORS = ("scripted", "blind-spiral", "emulated", "hand-guided")
 _SPIRALLED = "peg-insertion"
+_EMULATED = ("emulated", "hand-guided")
 
 
 def require_operator(config: CollectConfig) -> None:
@@ -30,6 +31,8 @@ def require_operator(config: CollectConfig) -> None:
         raise ConfigError(unknown("operator", config.operator, (*OPERATORS, *DEVICES)))
     if config.operator == "blind-spiral" and config.task != _SPIRALLED:
         raise ConfigError(f"the blind spiral is a baseline of {_SPIRALLED}, and no operator for {config.task}.")
+    if config.profiles and config.operator not in _EMULATED:
+        raise ConfigError(f"profiles are of {' and '.join(_EMULATED)}, not of '{config.operator}'.")
     names_of(config)
 
 

@@ -30,11 +30,12 @@ def choose_board(config: CollectConfig, *, has_sound: bool) -> Board:
     from wrenchflow.collect.board.look import Facts
     from wrenchflow.collect.board.screen import Screen
 
+    task = make_task(config.task)
     facts = Facts(
         title=f"{config.operator}: {config.task}",
-        limit_n=config.control.retreat_force_n,
+        limit_n=min(config.control.retreat_force_n, task.force_limit_n),
         modes=MODES,
-        phases=make_task(config.task).phases,
+        phases=task.phases,
         help=(*help_of(config.operator), HELP) if config.is_paced else ("Ctrl-C: stop; --resume goes on",),
     )
     if not config.is_paced:

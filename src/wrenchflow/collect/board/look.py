@@ -22,7 +22,7 @@ class Facts:
 
     Attributes:
         title: Operator and task.
-        limit_n: Force that the arm draws back from [N].
+        limit_n: Force that spoils the work, or that the arm draws back from [N].
         modes: Names of the safety layer's modes.
         phases: Names of the task's phases.
         help: Lines that say what keys and device do.

@@ -106,7 +106,7 @@ class Keyboard:
             )
         self._keys, self._holds = keys, holds or Holds()
         self._until_ns: dict[str, int] = {}  # Keys that count as held, and until when.
-        self._speed = SPEEDS["2"]
+        self._speed = SPEEDS["1"]  # With which a newcomer lands without a blow.
         self._reported = (0,) * 7
         self._t_ns, self._closed = 0, False
 

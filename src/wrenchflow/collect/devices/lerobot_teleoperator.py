@@ -5,7 +5,7 @@ import importlib
 import pkgutil
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -175,7 +175,14 @@ def connect(
         try:
             config = draccus.decode(TeleoperatorConfig, {"type": kind, **settings})
         except Exception as error:  # draccus has a kind of error for each way to be wrong.
-            raise DeviceError(f"'{kind}' does not take the settings {dict(settings)}: {_said(error)}") from error
+            takes = ", ".join(
+                field.name for field in fields(kinds[kind]) if field.name not in ("id", "calibration_dir")
+            )
+            given = ", ".join(f"{name}={value}" for name, value in settings.items()) or "none"
+            raise DeviceError(
+                f"'{kind}' does not take the settings {given}: {_said(error)}. It takes {takes or 'none'}, each as "
+                "--device.settings NAME=VALUE."
+            ) from error
         try:
             teleoperator = make_teleoperator_from_config(config)
             _connect(teleoperator)

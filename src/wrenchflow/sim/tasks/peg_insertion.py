@@ -33,6 +33,7 @@ class PegInsertion:
     phases: tuple[str, ...] = ("approach", "land", "search", "insert")
     failures: tuple[str, ...] = ("jammed", "missed", "timeout")
     time_limit_s: float = 8.0
+    force_limit_n: float = 25.0
     peg_radius_m: float = 0.010
     clearance_m: float = 0.00025  # on the radius
     chamfer_m: float = 0.0003

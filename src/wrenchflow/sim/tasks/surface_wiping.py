@@ -73,6 +73,11 @@ class SurfaceWiping:
     pad_solimp: tuple[float, float, float, float, float] = (0.0, 0.95, 0.001, 0.5, 2.0)
     evenness: Evenness = field(default_factory=Evenness)
 
+    @property
+    def force_limit_n(self) -> float:
+        """What spoils the surface [N]."""
+        return self.evenness.force_max_n
+
     def make_spec(self, rig: Rig) -> mujoco.MjSpec:
         """The arm with the wiper below its sensor, and the plate as a body that can be moved."""
         spec = make_arm(rig)

@@ -94,6 +94,11 @@ class Task(Protocol):
         ...
 
     @property
+    def force_limit_n(self) -> float:
+        """Low-passed force from which on the work is spoilt, or was not done well [N]; people are shown it."""
+        ...
+
+    @property
     def time_limit_s(self) -> float:
         """How long an attempt may last [s]."""
         ...
