@@ -11,6 +11,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import demonstrate
 from wrenchflow.policy.features import WITH_FORCE, Features
 
+pytestmark = pytest.mark.slow  # A minute.
 CONFIG = CollectConfig(operator="emulated")
 # All people are in those that are learned from, and in the others.
 EPISODES, LEARNED = 40, 30
