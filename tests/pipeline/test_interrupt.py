@@ -69,8 +69,7 @@ def interrupted(
     assert (running.returncode, stdout) == (130, "")
     assert re.fullmatch(
         r"(\d+ of \d+  .*\n)*"  # Episodes that were there.
-        r"wrenchflow: interrupted\.( What is whole is in '[^']+'; --resume goes on with it\.)?"
-        r"( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n",
+        r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n",
         stderr,
     )
     left = {path for path in at.rglob("*") if path.is_file()} - before

@@ -108,11 +108,7 @@ def collect_folder(
                 yield from sitting.run(missing, folder, stop, len(there))
         else:
             with black_boxes(out) as boxes:
-                try:
-                    yield from map_episodes(_Record(folder, boxes, config), missing, jobs=jobs, executor=executor)
-                except KeyboardInterrupt as end:
-                    end.add_note(f"What is whole is in '{folder}'; --resume goes on with it.")
-                    raise
+                yield from map_episodes(_Record(folder, boxes, config), missing, jobs=jobs, executor=executor)
         whole = replace(config, episodes=_count(folder, config)) if sitting.is_last else config
         write_manifest(folder, "collect", whole, seed=config.seed, startup=startup)
         resuming.end(folder)

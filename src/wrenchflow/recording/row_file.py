@@ -30,6 +30,7 @@ _LENGTH = struct.Struct("<Q")
 _START = len(MAGIC) + _LENGTH.size
 _PAGE = 4096
 _ZEROS = bytes(1 << 20)
+_WRITTEN_ROWS = 10_000
 
 
 class RowFile:
@@ -67,9 +68,15 @@ class RowFile:
             with partial.open("w+b") as file:
                 # The mapping holds the lock for as long as it lives: who finds the file until then lets it be.
                 fcntl.flock(file, fcntl.LOCK_EX)
-                # Written and not only reserved: to touch a page first costs a tenth where it is there already.
-                for start in range(0, size, len(_ZEROS)):
-                    file.write(_ZEROS[: size - start])
+                # The first rows are written and not only reserved: to touch a page first costs a tenth where it is
+                # there already. Of an attempt that may last a minute most rows are never used.
+                reserves = hasattr(os, "posix_fallocate")
+                written = min(size, offset + _WRITTEN_ROWS * source.dtype.itemsize) if reserves else size
+                for start in range(0, written, len(_ZEROS)):
+                    file.write(_ZEROS[: written - start])
+                file.flush()
+                if reserves:
+                    os.posix_fallocate(file.fileno(), 0, size)
                 file.seek(0)
                 file.write(MAGIC + _LENGTH.pack(len(text)) + text)
                 file.flush()

@@ -12,7 +12,7 @@ from wrenchflow.sim.panda import make_arm
 from wrenchflow.sim.reach import joints_at
 from wrenchflow.sim.tasks.connector_parts import ConnectorShape
 from wrenchflow.sim.tasks.task import Scene
-from wrenchflow.spatial import compose, exp_so3, inverse, make_pose
+from wrenchflow.spatial import compose, exp_so3, inverse, make_pose, rotation_of
 
 # The goal's frame lies on the socket's mouth with z into it, as the tool's does: a half turn about x.
 _INTO_SOCKET = exp_so3(np.array([math.pi, 0.0, 0.0]))
@@ -130,26 +130,29 @@ class ConnectorReferee:
 
     def __init__(self, task: ConnectorInsertion, scene: Scene) -> None:
         """Judge one attempt at a scene."""
-        self._task, self._T_goal_base = task, inverse(scene.T_base_goal)
+        self._task, self._goal_m, self._R_base_goal = task, scene.T_base_goal[:3], rotation_of(scene.T_base_goal[3:])
         self._tip_m = np.array([0.0, 0.0, -np.inf])
         self._settled = 0
         self.is_lost = False  # Once the force was too high, for ever.
 
     def see(self, T_base_tcp: Float[np.ndarray, "n 7"], wrench: Float[np.ndarray, "n 6"]) -> None:
         """Take in what has happened: the largest force, and for how long the tip has been deep enough."""
-        force_n = np.linalg.norm(wrench[:, :3], axis=1)
-        for pose, force in zip(T_base_tcp, force_n, strict=True):
-            self.is_lost = self.is_lost or bool(force > self._task.force_limit_n)
-            self._tip_m = compose(self._T_goal_base, pose)[:3]
-            self._settled = self._settled + 1 if self._depth_share >= 1.0 else 0
+        if not len(T_base_tcp):
+            return
+        self.is_lost = self.is_lost or bool(np.linalg.norm(wrench[:, :3], axis=1).max() > self._task.force_limit_n)
+        tips_m = (T_base_tcp[:, :3] - self._goal_m) @ self._R_base_goal
+        self._tip_m = tips_m[-1]
+        loose = np.flatnonzero(self._depth_shares(tips_m) < 1.0)
+        self._settled = len(tips_m) - 1 - int(loose[-1]) if len(loose) else self._settled + len(tips_m)
+
+    def _depth_shares(self, tips_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Depth of the tip in the socket over the depth that counts as seated, from 0 to 1."""
+        is_in = np.hypot(tips_m[:, 0], tips_m[:, 1]) <= 4.0 * self._task.shape.clearance_m
+        return np.where(is_in, np.clip(tips_m[:, 2] / self._task.seated_m, 0.0, 1.0), 0.0)
 
     @property
     def _depth_share(self) -> float:
-        """Depth of the tip in the socket over the depth that counts as seated, from 0 to 1."""
-        x, y, depth_m = self._tip_m
-        if math.hypot(x, y) > 4.0 * self._task.shape.clearance_m:
-            return 0.0
-        return min(max(depth_m / self._task.seated_m, 0.0), 1.0)
+        return float(self._depth_shares(self._tip_m[None])[0])
 
     @property
     def progress(self) -> float:
