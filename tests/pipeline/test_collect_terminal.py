@@ -17,6 +17,8 @@ import pytest
 
 from wrenchflow.recording.reader import read_episode
 
+pytestmark = pytest.mark.slow  # A minute: each waits for a session to begin and to end by the clock.
+
 PATIENCE_S = 120.0
 COMMAND = (sys.executable, "-m", "wrenchflow", "collect", "raw", "--tare-s", "0.4", "--seed", "3", "--no-sound")
 
