@@ -6,29 +6,11 @@ itself, so the output does not depend on how the samples are cut into chunks.
 
 import numpy as np
 from jaxtyping import Float, Int64
-from scipy import signal
 
+from wrenchflow.butterworth import design, steady_state
 from wrenchflow.compiled import kernel
-from wrenchflow.errors import ConfigError
 
 ORDER = 4
-_LOWEST = 1e-4  # Of the rate: below it the poles are too near to 1 for float64.
-
-
-def design(cutoff_hz: float, rate_hz: float, order: int = ORDER) -> Float[np.ndarray, "s 6"]:
-    """Second-order sections of a Butterworth low-pass with its -3 dB point at `cutoff_hz`.
-
-    Raises:
-        ConfigError: If the cutoff is not between 0 and half the sample rate, or the order is below 1.
-    """
-    if not _LOWEST * rate_hz <= cutoff_hz < 0.5 * rate_hz:
-        raise ConfigError(
-            f"cutoff_hz is {cutoff_hz:g}, expected from {_LOWEST * rate_hz:g} to below half of the {rate_hz:g} Hz of "
-            "the samples."
-        )
-    if order < 1:
-        raise ConfigError(f"order is {order}, expected 1 or more.")
-    return np.ascontiguousarray(signal.butter(order, cutoff_hz, fs=rate_hz, output="sos"))
 
 
 @kernel
@@ -90,7 +72,7 @@ class CausalLowpass:
             ConfigError: If there is no such filter.
         """
         self._sos = design(cutoff_hz, rate_hz, order)
-        self._steady = np.ascontiguousarray(signal.sosfilt_zi(self._sos))
+        self._steady = steady_state(self._sos)
         self._state = np.zeros((len(self._sos), 2, width))
         self._running = False
         # Group delay of a section at zero frequency, in samples: sum(k b_k) / sum(b_k) - sum(k a_k) / sum(a_k).
@@ -131,11 +113,16 @@ def zero_phase(
 
     It looks into the future: for labels, metrics and plots, never for what a policy sees.
     """
-    sos = design(cutoff_hz, rate_hz, order)
+    sections = len(design(cutoff_hz, rate_hz, order))
     if len(data) < 2:
         return data.copy()
-    padding = min(3 * (2 * len(sos) + 1), len(data) - 1)
-    return np.ascontiguousarray(signal.sosfiltfilt(sos, data, axis=0, padlen=padding))
+    # Beyond its ends the signal goes on turned about them, so that the filter is under way when they come.
+    padding = min(3 * (2 * sections + 1), len(data) - 1)
+    before = 2.0 * data[0] - data[padding:0:-1]
+    after = 2.0 * data[-1] - data[-2 : -padding - 2 : -1]
+    forward = lowpass(np.concatenate([before, data, after]), cutoff_hz, rate_hz, order)
+    backward = lowpass(forward[::-1], cutoff_hz, rate_hz, order)
+    return np.ascontiguousarray(backward[::-1][padding:-padding])
 
 
 @kernel

@@ -7,6 +7,7 @@ from operator import index
 import numpy as np
 from jaxtyping import Float
 
+from wrenchflow.butterworth import design
 from wrenchflow.control import impedance as law
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.fit import require_within
@@ -17,7 +18,6 @@ from wrenchflow.control.records import CTL, OBS, REQ
 from wrenchflow.control.safeguards import GATE_REQUEST, LATCHED, MODES, SAFEGUARDS, cause_of, names_of
 from wrenchflow.control.schedule import accept, make_schedule
 from wrenchflow.errors import ControlError, unknown
-from wrenchflow.filtering import design
 from wrenchflow.rig import Rig
 from wrenchflow.spatial import compose, inverse, log_so3, make_pose, rotation_of
 

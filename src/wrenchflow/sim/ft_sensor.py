@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter
 
+from wrenchflow.butterworth import design
 from wrenchflow.compiled import kernel
 from wrenchflow.errors import ConfigError
 from wrenchflow.rig import Sensor
@@ -55,7 +55,7 @@ def make_sensor(sensor: Sensor, faults: SensorFaults, rng: np.random.Generator, 
     state["drift"] = rng.normal(size=6) * np.repeat([faults.drift_n_min, faults.drift_nm_min], 3) * tick_s / 60.0
     state["noise"], state["range"] = sensor.noise, sensor.range
     state["quantum"] = np.repeat([faults.quantum_n, faults.quantum_nm], 3)
-    section = np.asarray(butter(2, sensor.lowpass_hz, fs=1.0 / tick_s, output="sos"))[0]
+    section = design(sensor.lowpass_hz, 1.0 / tick_s, 2)[0]
     state["b"], state["a"] = section[:3], section[3:]
     return record
 
