@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from wrenchflow.episode import Episode, Event, Stream
 
@@ -128,18 +128,19 @@ class Ledger:
             "entered": dict(entered),
             "interventions": {name: count for name, count in interventions.items() if count},
             "leash_share": float(is_leashed.sum() / asked) if asked else 0.0,
-            "energy_j": {name: self._finite(name)[-1] for name in ENERGIES},
-            "work_j": {name: self._finite(name)[-1] for name in WORK},
-            "tank_min_j": min(self._finite("tank")),
-            "peak_force_n": max(self._finite("force")),
-            "peak_moment_nm": max(self._finite("moment")),
-            "peak_impact_n": max(self._finite("impact")),
+            "energy_j": {name: float(self._finite(name)[-1]) for name in ENERGIES},
+            "work_j": {name: float(self._finite(name)[-1]) for name in WORK},
+            "tank_min_j": float(self._finite("tank").min()),
+            "peak_force_n": float(self._finite("force").max()),
+            "peak_moment_nm": float(self._finite("moment").max()),
+            "peak_impact_n": float(self._finite("impact").max()),
         }
 
-    def _finite(self, column: str) -> list[float]:
-        """The finite values of a column, for JSON has no others; 0 where there are none."""
+    def _finite(self, column: str) -> Float[np.ndarray, " n"]:
+        """The finite values of a column, for JSON has no others; a 0 where there are none."""
         values = self.governor.column(column)
-        return values[np.isfinite(values)].tolist() or [0.0]
+        finite = values[np.isfinite(values)]
+        return finite if len(finite) else np.zeros(1)
 
     def _mode_label(self, mode: int, cause: int) -> str:
         if mode == _RUN:

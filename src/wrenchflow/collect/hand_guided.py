@@ -34,7 +34,7 @@ class GuidingDriver:
             config: How fast a hand moves at most, by the map of devices.
             periods: How many there may be.
         """
-        self._hand, self._white = hand, stand_before(attempt, hand, periods)
+        self._hand, self._chance = hand, stand_before(attempt, hand, periods)
         ticks = round(1000 / config.device_hz)
         start = attempt.controller.target_pose
         # Where the hand is: it moves as the target of a device does.
@@ -47,7 +47,9 @@ class GuidingDriver:
     def decide(self, attempt: Attempt, follower: Follower, now_ns: int) -> int:
         """Move the hand, and let the reference follow the arm."""
         core, place = attempt.controller, self._place
-        operate(self._hand[0], core.obs[0], core.ctl[0], place.record[0], self._white[int(self._hand[0]["period"])])
+        period = int(self._hand[0]["period"])
+        white = self._chance.up_to(period + 1)[period]
+        operate(self._hand[0], core.obs[0], core.ctl[0], place.record[0], white)
         place.record["report_ns"], place.record["is_sound"] = now_ns, 1
         req, ctl = self._unused
         follow(place.record[0], now_ns, req[0], ctl[0])

@@ -91,7 +91,7 @@ def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
     return {**known, "person": {"profile": name, **to_mapping(person)}}
 
 
-_STRETCH_PERIODS = 8  # What Python does between two stretches then costs less than a microsecond a tick.
+_STRETCH_PERIODS = 32  # What Python does between two stretches then costs a tenth of a microsecond a tick.
 
 
 class Session:

@@ -5,7 +5,7 @@ from reading one message with `codec.decode`; encoding and decoding then move wh
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -70,6 +70,7 @@ class Layout:
     constant: tuple[slice, ...]
 
     @classmethod
+    @lru_cache(maxsize=256)  # Every episode of a folder has the same topics.
     def for_stream(cls, signal: Signal, frame: str, channel: int) -> "Layout":
         """The layout that a new topic is written with."""
         cdr = codec.encode(schemas.message_of(signal), schemas.blank_message(signal, frame))

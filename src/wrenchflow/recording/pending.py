@@ -7,7 +7,7 @@ from wrenchflow.clock import SECOND_NS
 
 # A chunk is what is lost if the process dies, and what a reader has to decompress to see one message.
 CHUNK_NS = SECOND_NS // 2
-CHUNK_BYTES = 1024 * 1024
+CHUNK_BYTES = 2 * 1024 * 1024
 
 
 class PendingChunk:

@@ -39,6 +39,8 @@ def write_episode(path: Path, episode: Episode, compression: str = "zstd") -> No
             writer.add_stream(name, stream.signal, stream.frame)
         for name, messages in episode.messages.items():
             writer.add_messages(name, messages.type)
+        for name, stream in episode.streams.items():
+            writer.check(name, stream)
         _write_windows(writer, episode)
         writer.finish(**closing)
 
@@ -77,5 +79,5 @@ def _write_windows(writer: EpisodeWriter, episode: Episode) -> None:
                     writer.write_messages(name, episode.messages[name].part(part))
                 elif part.stop > part.start:
                     stream = episode.streams[name]
-                    writer.write(name, stream.t[part], stream.data[part])
+                    writer.append(name, stream.t[part], stream.data[part])
             writer.flush()

@@ -172,30 +172,33 @@ class EpisodeWriter:
         Raises:
             StreamError: If the samples break the rules of a `Stream`, or cannot be represented in its message.
         """
-        topic = self._check(name, t, rows)
-        self._append(topic, t, rows, received, sequence)
+        self.check(name, Stream(t, rows, self._topic(name).layout.signal))
+        self.append(name, t, rows, received=received, sequence=sequence)
 
-    def _check(self, name: str, t: Int64[np.ndarray, " n"], rows: Float[np.ndarray, "n d"]) -> _Topic:
-        if name not in self._topics:
-            raise StreamError(unknown("stream", name, self._topics))
-        topic = self._topics[name]
-        Stream(t, rows, topic.layout.signal)
+    def check(self, name: str, stream: Stream) -> None:
+        """Look whether samples may be appended; who appends in parts looks once.
+
+        Raises:
+            StreamError: If they may not.
+        """
+        topic, t = self._topic(name), stream.t
         if len(t) and not (topic.last_ns < t[0] and t[-1] <= _LAST_NS):
             raise StreamError(
                 f"stream '{name}' takes stamps after {topic.last_ns} ns and up to {_LAST_NS}, got {t[0]} to {t[-1]}."
             )
-        topic.layout.check(rows)
-        return topic
+        topic.layout.check(stream.data)
 
-    def _append(
+    def append(
         self,
-        topic: _Topic,
+        name: str,
         t: Int64[np.ndarray, " n"],
         rows: Float[np.ndarray, "n d"],
+        *,
         received: Int64[np.ndarray, " n"] | None = None,
         sequence: Int64[np.ndarray, " n"] | None = None,
     ) -> None:
-        """Encode samples that were checked, and end a chunk whenever it is full."""
+        """Append samples that `check` has passed; arguments as of `write`."""
+        topic = self._topic(name)
         received = t if received is None else received
         sequence = np.arange(topic.count, topic.count + len(t)) if sequence is None else sequence
         first = 0
@@ -210,6 +213,11 @@ class EpisodeWriter:
             topic.count += last - first
             topic.last_ns = int(t[last - 1])
             first = last
+
+    def _topic(self, name: str) -> _Topic:
+        if name not in self._topics:
+            raise StreamError(unknown("stream", name, self._topics))
+        return self._topics[name]
 
     def _room(self, t: Int64[np.ndarray, " n"], first: int, size: int) -> int:
         """How far samples of `size` bytes from `first` on still fit in the pending chunk; an empty one takes any."""

@@ -18,6 +18,7 @@ from wrenchflow.sim.row import ROW, record
 from wrenchflow.spatial import exp_so3, inverse, make_pose, rotation_of
 
 _NOISE_BLOCK_TICKS = 512
+_UNSTABLE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 # Runs ticks, with the arguments of `engine.advance`.
 Drive = Callable[..., None]
 CHUNK_TICKS = 1000  # A compiled chunk does not hear Ctrl-C, so none is longer than a second.
@@ -80,6 +81,7 @@ class Plant:
         self.orientation_error_rad = rng.normal(size=3) * measurement.orientation_error_rad / np.sqrt(3.0)
         state["R_error"] = exp_so3(self.orientation_error_rad)
         state["sensor"] = make_sensor(rig.sensor, measurement.sensor, rng, TICK_S)[0]
+        self._unstable = {of.name: data.warning[of] for of in _UNSTABLE}
         self._white, self._drawn = np.empty((0, NOISE_WIDTH)), 0
 
     def hold(
@@ -198,10 +200,6 @@ class Plant:
         return self._white, first
 
     def _check(self) -> None:
-        for warning in (
-            mujoco.mjtWarning.mjWARN_BADQPOS,
-            mujoco.mjtWarning.mjWARN_BADQVEL,
-            mujoco.mjtWarning.mjWARN_BADQACC,
-        ):
-            if self.data.warning[warning].number:
-                raise ControlError(f"the simulation became unstable ({warning.name}) after {self.count} ms.")
+        for name, warning in self._unstable.items():
+            if warning.number:
+                raise ControlError(f"the simulation became unstable ({name}) after {self.count} ms.")
