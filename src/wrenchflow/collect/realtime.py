@@ -10,7 +10,7 @@ from wrenchflow.camera import View
 from wrenchflow.collect.beat import Beat
 from wrenchflow.collect.board.row import EVERY_TICKS, Feed
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.demonstration import Demonstration, lost_of, problems_of, refused_of, who_of
+from wrenchflow.collect.demonstration import Demonstration, id_of, lost_of, problems_of, refused_of, who_of
 from wrenchflow.collect.desk import Desk
 from wrenchflow.collect.happenings import Happenings
 from wrenchflow.collect.on_clock import OnClock
@@ -26,7 +26,7 @@ from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.errors import DeviceError, OutputError
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import TAP_ROWS, Ring
-from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt, episode_id
+from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt
 from wrenchflow.sim.state import Looks, looks_size
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.source import Source
@@ -58,7 +58,7 @@ def demonstrate_in_real_time(
     config = compliant(config)
     task, rig, model = scenery(config.task, config.rig)
     views = views_of(config, rig)
-    name = episode_id(config.task, config.seed, index)
+    name = id_of(config, index)
     desk = desk or Desk()
     feed = desk.board.begin(name) if desk.board is not None else None
     known = known_of(config, index)

@@ -9,6 +9,7 @@ import numpy as np
 
 from wrenchflow import signals
 from wrenchflow.collect.config import PEOPLE, CollectConfig
+from wrenchflow.collect.demonstration import id_of
 from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.devices.emulated_spacemouse import FULL_SCALE_COUNTS
 from wrenchflow.collect.follow import PERIOD, Follower, note
@@ -21,7 +22,7 @@ from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.recording.black_box import BlackBox
-from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, episode_id
+from wrenchflow.sim.attempt import DEMONSTRATE, Attempt
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
 
@@ -64,7 +65,7 @@ def demonstrate(
     known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
 
     def so_far() -> Episode:
-        name = episode_id(config.task, config.seed, index)
+        name = id_of(config, index)
         return attempt.episode(name, session.streams(), session.phases(), **known_of(config, index), **known)
 
     if box is not None:
