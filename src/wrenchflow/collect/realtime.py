@@ -159,7 +159,7 @@ def _look(
     if stuck_s > patience_s:
         attempt.end(f"{LOST}{session.problem}")
     if desk.wishes is not None:
-        was_last, ending = desk.wishes.is_last, desk.wishes.look()
+        was_last, ending = desk.wishes.is_last, desk.wishes.look(attempt.elapsed_s)
         if desk.wishes.is_last and not was_last:
             _say(desk, "this attempt is the last one.")
         if ending:
