@@ -226,7 +226,7 @@ def test_a_signal_that_asks_writes_it_and_says_so(tmp_path, killed, whole_minute
     path = tmp_path / "raw.blackbox" / f"{NAME}.blackbox.mcap"
     assert (ran.returncode, ran.stdout) == (code, "")
     on = "wrenchflow collect raw --episodes 4 --seed 3 --tare-s 60 --jobs 1 --resume"
-    assert ran.stderr == f"wrenchflow: {word}. The black box is 'raw.blackbox/{path.name}'.\n"
+    assert ran.stderr == f"wrenchflow: {word}. The black box is 'raw.blackbox/{path.name}'. Go on with: {on}\n"
     box = read_episode(path)
     is_part_of(box, whole_minute, 10_001)
     assert box.meta["result"]["failure"] == {143: "Terminated", 130: "KeyboardInterrupt"}[code]
