@@ -134,5 +134,5 @@ def _with_defaults(name: str, file: Path) -> type[Command]:
 
 _DESCRIPTION = """Contact-rich robot tasks, from the operator's hand to a policy that does them, with force.
 
-`wrenchflow quickstart OUT` runs everything once. `--config FILE.toml`, after a command, gives values of its configuration.
+`wrenchflow quickstart OUT` runs everything once. `--config FILE.toml`, after a command, sets its configuration.
 """

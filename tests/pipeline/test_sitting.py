@@ -332,7 +332,7 @@ def test_a_lost_device_is_asked_for_where_there_is_somebody(tmp_path, monkeypatc
         kept = list(collect_folder(tmp_path / "raw", config, board=board))
     assert [shown.outcome.failure for shown in kept] == ["timeout", "timeout"]
     assert len(board.discarded) == 1
-    assert [question.split("   ")[0] for question in board.asked] == [
+    assert [question.split("\n")[0] for question in board.asked] == [
         "device: the puppet has gone: tie it on again.",
         "no puppet is there.",
     ]

@@ -12,6 +12,7 @@ from wrenchflow.collect.board.row import EVERY_TICKS, Feed
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.demonstration import Demonstration, id_of, lost_of, problems_of, refused_of, who_of
 from wrenchflow.collect.desk import Desk
+from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.happenings import Happenings
 from wrenchflow.collect.on_clock import OnClock
 from wrenchflow.collect.session import Session, compliant, known_of
@@ -96,7 +97,7 @@ def demonstrate_in_real_time(
                 compression=config.compression,
             )
             beat = Beat(stack.enter_context(recorder), control, Looks(attempt.plant.data) if views else None, show)
-            beat.watchers = tuple(_watchers(beat, attempt, feed, desk.viewer))
+            beat.watchers = tuple(_watchers(beat, attempt, feed, desk.device, desk.viewer))
             return beat
 
         attempt = Attempt(
@@ -171,12 +172,18 @@ def _look(
 
 
 def _watchers(
-    beat: "Beat", attempt: Attempt, feed: Feed | None, viewer: SceneViewer | None
+    beat: "Beat", attempt: Attempt, feed: Feed | None, device: TeleopDevice | None, viewer: SceneViewer | None
 ) -> Iterator[Callable[[int], None]]:
     """Who is told of each tick that is over."""
     if feed is not None:
-        ctl, recorder = attempt.controller.ctl, beat.recorder
-        yield lambda tick: feed.tick(tick, beat.late, recorder.dropped, ctl) if tick % EVERY_TICKS == 0 else None
+        ctl, recorder, plant = attempt.controller.ctl, beat.recorder, attempt.plant
+
+        def tell(tick: int) -> None:
+            if tick % EVERY_TICKS == 0:
+                feed.tick(tick, beat.late, recorder.dropped, ctl, plant.recorded[-1]["tcp_pose"])
+
+        feed.aim(attempt.scene.T_base_goal_perceived, device)
+        yield tell
     if viewer is not None:
         looks = Looks(attempt.plant.data)
         yield lambda tick: viewer.tick(tick, looks)

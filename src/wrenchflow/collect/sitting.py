@@ -122,17 +122,17 @@ class Sitting:
             return self._mend(shown, stop)
         if not self._review or self._wishes.ending:
             return self._wishes.ending or KEEP
-        return self._ask(f"{told(shown)}   {_CHOICE}", stop)
+        return self._ask(f"{told(shown)}\n{_CHOICE}", stop)
 
     def _mend(self, shown: Demonstration, stop: EmergencyStop) -> str:
         """Wait until the device is there again, or nobody wants to go on."""
-        question = f"{shown.outcome.failure}   {_MEND}"
+        question = f"{shown.outcome.failure}\n{_MEND}"
         while (verdict := self._ask(question, stop)) != STOP:
             try:
                 self._reopen()
                 return verdict
             except DeviceError as error:
-                question = f"{error}   {_MEND}"
+                question = f"{error}\n{_MEND}"
         return verdict
 
     def _ask(self, question: str, stop: EmergencyStop) -> str:

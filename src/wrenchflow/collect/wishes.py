@@ -5,7 +5,10 @@ from collections.abc import Callable, Collection
 from typing import Protocol, runtime_checkable
 
 KEEP, REDO, STOP = "right", "left", "escape"
-HELP = "right: end and keep   left: discard and redo   escape: stop after this one   Ctrl-C: emergency stop"
+HELP = (
+    "right: end and keep   left: discard and redo",
+    "escape: stop after this one   Ctrl-C: emergency stop",
+)
 # An arrow that comes so soon was meant for the attempt before: that ended by itself just then, or it was pressed twice.
 GRACE_S = 0.5
 _NAP_S = 0.02
