@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hands.wire import Wire
 from wrenchflow.clock import Clock
 from wrenchflow.collect import realtime, sitting
 from wrenchflow.collect.board.board import Nowhere
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.device_config import DeviceConfig
+from wrenchflow.collect.devices import spacemouse
 from wrenchflow.collect.devices.device import Reading
 from wrenchflow.collect.folder import collect_folder
 from wrenchflow.collect.wishes import GRACE_S
@@ -21,6 +23,7 @@ from wrenchflow.manifest import read_manifest
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.write import write_episode
 from wrenchflow.source import samples_of
+from wrenchflow.spacemouse_models import model_of
 
 CONFIG = CollectConfig(
     episodes=2, seed=3, tare_s=0.4, time_limit_s=1.2, realtime=True, device=DeviceConfig(patience_s=0.2)
@@ -348,11 +351,31 @@ def test_the_clock_of_a_device_never_goes_back(session, monkeypatch):
 
 
 def test_a_device_that_is_not_there_leaves_nothing_behind(tmp_path, wrenchflow):
-    for operator, said in (("keyboard", "no keyboard is there"), ("replay", "give --device.recording")):
-        ran = wrenchflow("collect", tmp_path / "raw", "--operator", operator, "--episodes", 1)
+    for flags, said in (
+        (("keyboard",), "no keyboard is there"),
+        (("replay",), "give --device.recording"),
+        (("lerobot",), "give --device.kind"),
+        (("lerobot", "--device.kind", "so101_leader", "--device.settings", "port=/dev/no-tty"), "is not installed: "),
+        (("lerobot", "--device.kind", "phone", "--device.settings", "colour=red"), "does not take the settings"),
+    ):
+        ran = wrenchflow("collect", tmp_path / "raw", "--operator", *flags, "--episodes", 1)
         assert ran.code == 1
         assert said in ran.stderr
         assert ran.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_device_that_goes_between_being_found_and_being_read_leaves_nothing_behind(tmp_path, wrenchflow, monkeypatch):
+    wire = Wire()
+    wire.unplug()
+    model = model_of(0x256F, 0xC635)
+    assert model is not None
+    mouse = spacemouse.SpaceMouse(wire, model)
+    monkeypatch.setattr(spacemouse, "open_spacemouse", lambda buttons: mouse)
+    ran = wrenchflow("collect", tmp_path / "raw", "--operator", "spacemouse", "--episodes", 1)
+    assert ran.code == 1
+    assert "has gone (read error)" in ran.stderr
+    assert wire.is_closed
     assert list(tmp_path.iterdir()) == []
 
 
