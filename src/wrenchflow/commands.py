@@ -139,9 +139,10 @@ class Collect(Stage):
         from wrenchflow.collect.board.choose import choose_board
         from wrenchflow.collect.coverage import empty_coverage
         from wrenchflow.collect.folder import collect_folder
+        from wrenchflow.collect.session import kernels_of
         from wrenchflow.compiled import is_cold
 
-        if is_cold():
+        if is_cold(*kernels_of(self.config)):
             logging.getLogger("wrenchflow").warning("compiling the 1 kHz loop: about a minute, this once.")
         done, coverage = [], empty_coverage(self.config.task, self.config.rig)
         with choose_board(self.config, has_sound=self.sound) as board:
