@@ -348,10 +348,12 @@ class TestConnect:
         with pytest.raises(DeviceError, match="'so101_leader' does not take the settings"):
             connect("so101_leader", {"port": "/dev/null", "colour": "red"})
 
-    def test_a_driver_that_is_not_installed_says_what_to_install(self, tmp_path, capsys):
-        settings = {"port": str(tmp_path / "no-tty"), "id": "mine", "calibration_dir": str(tmp_path)}
-        with pytest.raises(DeviceError, match=r"the driver of .*'so101_leader' is not installed: .*pip install"):
-            connect("so101_leader", settings, leader=LeaderConfig(kinematics=PANDA))
+    @pytest.mark.parametrize(("kind", "setting"), [("so101_leader", "port"), ("phone", "phone_os")])
+    def test_a_driver_that_is_not_installed_says_what_to_install(self, kind, setting, tmp_path, capsys):
+        settings = {setting: "android", "id": "mine", "calibration_dir": str(tmp_path)}
+        said = rf"the driver of the teleoperator '{kind}' is not installed: '.*' is required .*pip install"
+        with pytest.raises(DeviceError, match=said):
+            connect(kind, settings)
         assert capsys.readouterr().out == ""
 
     def test_a_port_without_a_leader_says_what_to_do(self, tmp_path, monkeypatch):

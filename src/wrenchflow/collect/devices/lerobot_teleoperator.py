@@ -208,9 +208,12 @@ def connect(
         try:
             teleoperator = make_teleoperator_from_config(config)
             _connect(teleoperator)
-        except ImportError as error:
-            raise DeviceError(f"the driver of the teleoperator '{kind}' is not installed: {_said(error)}.") from error
         except Exception as error:  # Every driver has errors of its own, and all mean that there is no device.
+            # What is missing is wrapped by who makes it, or not.
+            missing = next((each for each in (error, error.__cause__) if isinstance(each, ImportError)), None)
+            if missing is not None:
+                said = f"the driver of the teleoperator '{kind}' is not installed: {_said(missing)}."
+                raise DeviceError(said) from error
             raise DeviceError(
                 f"the teleoperator '{kind}' cannot be connected ({_said(error)}): look at its cable, its port and who "
                 "may read it (`lerobot-find-port` helps), and connect it again."
