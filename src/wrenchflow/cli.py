@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, make_dataclass
@@ -21,13 +22,14 @@ from wrenchflow.commands import (
     Command,
     Stage,
 )
-from wrenchflow.config import load, to_mapping
+from wrenchflow.config import load, read_toml, to_mapping
 from wrenchflow.errors import ConfigError, Terminated, WrenchflowError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 1 a known error, 2 usage, 130 interrupted, 143 terminated."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    command = None
     try:
         if arguments in (["--version"], ["-V"]):
             print(__version__)
@@ -36,13 +38,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         _require_sound(command)
         result = command.run()
     except WrenchflowError as error:
-        _complain(str(error), error)
+        _complain(str(error), error, command, arguments)
         return EXIT_ERROR
     except Terminated as end:
-        _complain("terminated.", end)
+        _complain("terminated.", end, command, arguments)
         return EXIT_TERMINATED
     except KeyboardInterrupt as end:
-        _complain("interrupted.", end)
+        _complain("interrupted.", end, command, arguments)
         return EXIT_INTERRUPTED
     except SystemExit as stop:  # tyro leaves so: after its help, or with its own word on a usage error.
         return EXIT_USAGE if stop.code else EXIT_DONE
@@ -50,9 +52,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return command.code(result)
 
 
-def _complain(what: str, error: BaseException) -> None:
-    """Say in one line what went wrong, and what was noted on the way: where a black box is, for one."""
-    print("wrenchflow:", what, *getattr(error, "__notes__", ()), file=sys.stderr)
+def _complain(what: str, error: BaseException, command: Command | None, arguments: Sequence[str]) -> None:
+    """Say in one line what went wrong, what was noted on the way, where a black box is for one, and how to go on."""
+    notes = [*getattr(error, "__notes__", ())]
+    if command is not None and command.can_go_on(error):
+        again = [argument for argument in arguments if argument not in ("--resume", "--overwrite")]
+        notes.append(f"Go on with: {shlex.join(['wrenchflow', *again, '--resume'])}")
+    print("wrenchflow:", what, *notes, file=sys.stderr)
 
 
 def _parse(arguments: list[str]) -> Command:
@@ -112,6 +118,12 @@ def _with_defaults(name: str, file: Path) -> type[Command]:
         raise ConfigError(f"--config follows one of the commands {', '.join(configurable)}, got '{name}'.")
     kind = configurable[name]
     given = kind.__dataclass_fields__["config"]
+    for key in read_toml(file):
+        if key in kind.__dataclass_fields__ and key != "config":
+            raise ConfigError(
+                f"{file.name}: '{key}' says how '{name}' is run, which is no part of its configuration: give it on the "
+                "command line."
+            )
     values = load(given.default_factory, file)
     made = make_dataclass(
         kind.__name__, [("config", given.type, field(default=values))], bases=(kind,), frozen=True, kw_only=True
@@ -122,5 +134,5 @@ def _with_defaults(name: str, file: Path) -> type[Command]:
 
 _DESCRIPTION = """Contact-rich robot tasks, from the operator's hand to a policy that does them, with force.
 
-`wrenchflow quickstart OUT` runs everything once. `--config FILE.toml`, after a command, gives the values of its flags.
+`wrenchflow quickstart OUT` runs everything once. `--config FILE.toml`, after a command, sets its configuration.
 """

@@ -17,7 +17,8 @@ from wrenchflow.collect.config import PEOPLE, CollectConfig
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
-from wrenchflow.errors import ConfigError
+from wrenchflow.errors import ConfigError, ControlError
+from wrenchflow.manifest import partial_of
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
 from wrenchflow.told import (
@@ -36,7 +37,11 @@ Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
 Jobs = Annotated[int, arg(help="Worker processes.")]
 Resume = Annotated[bool, arg(help="Go on with OUT, finished or interrupted; --episodes is how many it will hold.")]
 Json = Annotated[bool, arg(help="Print one JSON object instead of text.")]
-ConfigFile = Annotated[Path | None, arg(name="config", metavar="FILE.toml", help="Values of the flags below.")]
+_OF_CONFIG = (
+    "Values of the configuration, which the manifest records: of all flags below but those that say how a command is "
+    "run (jobs, resume, review, viewer, sound, start)."
+)
+ConfigFile = Annotated[Path | None, arg(name="config", metavar="FILE.toml", help=_OF_CONFIG)]
 Out = Annotated[Positional[Path], arg(metavar="OUT", help="Folder to write.")]
 # A config's own fields are flags without a prefix, `--steps`; what is nested in it keeps one, `--policy.mlp.width`.
 _UNPREFIXED = arg(name="")
@@ -79,6 +84,10 @@ class Command(ABC):
     def code(self, result: dict[str, Any]) -> int:
         """The exit code that a result stands for."""
         return EXIT_DONE
+
+    def can_go_on(self, error: BaseException) -> bool:
+        """Whether the same command with `--resume` goes on where an error ended it."""
+        return False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,9 +139,10 @@ class Collect(Stage):
         from wrenchflow.collect.board.choose import choose_board
         from wrenchflow.collect.coverage import empty_coverage
         from wrenchflow.collect.folder import collect_folder
+        from wrenchflow.collect.session import kernels_of
         from wrenchflow.compiled import is_cold
 
-        if is_cold():
+        if is_cold(*kernels_of(self.config)):
             logging.getLogger("wrenchflow").warning("compiling the 1 kHz loop: about a minute, this once.")
         done, coverage = [], empty_coverage(self.config.task, self.config.rig)
         with choose_board(self.config, has_sound=self.sound) as board:
@@ -166,6 +176,14 @@ class Collect(Stage):
     def text(self, result: dict[str, Any]) -> list[str]:
         """Figures, and what has been covered."""
         return collect_lines(result)
+
+    def can_go_on(self, error: BaseException) -> bool:
+        """After an interrupt, or a stop of the arm, if a folder was begun."""
+        from wrenchflow.collect.resume import BEGUN
+
+        # What ends an attempt in virtual time by itself would end it again.
+        is_stop = isinstance(error, KeyboardInterrupt) or (isinstance(error, ControlError) and self.config.is_paced)
+        return is_stop and (partial_of(self.out.resolve()) / BEGUN).exists()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from typing import Any, cast
 
 import numba
 from numba.core import config
+from numba.core.dispatcher import Dispatcher
 
 _PACKAGE = Path(__file__).parent
 _options: Any = config  # A module whose names numba sets at run time.
@@ -49,10 +50,19 @@ def cache_folder() -> Path | None:
         return None
 
 
-def is_cold() -> bool:
-    """Whether no kernel of this version has been compiled and kept yet."""
-    folder = cache_folder()
-    return folder is None or next(folder.rglob("*.nbi"), None) is None
+def is_cold(*kernels: Callable[..., Any]) -> bool:
+    """Whether one of these has to be compiled before it can run: it never was, or its file has changed since.
+
+    A folder of machine code that is not empty says little: another command may have filled it with kernels of its own,
+    or another copy of these sources, which numba keeps apart.
+    """
+    return any(isinstance(one, Dispatcher) and not _kept(one) for one in kernels)
+
+
+def _kept(dispatcher: Any) -> bool:
+    # Numba gives no other access to what it would load; a kernel whose machine code is kept nowhere has no such file.
+    file = getattr(dispatcher._cache, "_cache_file", None)
+    return file is not None and bool(file._load_index())
 
 
 def sources_hash(package: Path) -> str:

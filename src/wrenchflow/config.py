@@ -93,6 +93,13 @@ def require_at_least(least: float, **values: float) -> None:
             raise ConfigError(f"{name} is {value:g}, expected at least {least:g}.")
 
 
+def require_between(low: float, high: float, **values: float) -> None:
+    """Refuse values outside of `low` to `high`, both of which are allowed; each is given by its name."""
+    for name, value in values.items():
+        if not low <= value <= high:
+            raise ConfigError(f"{name} is {value:g}, expected from {low:g} to {high:g}.")
+
+
 def require_positive(**values: float) -> None:
     """Refuse values that are not above 0; each is given by its name."""
     for name, value in values.items():

@@ -165,7 +165,7 @@ def _held(path: Path, partial: Path, *, overwrite: bool, resume: bool) -> Iterat
         if resume:
             yield
             return
-        if not overwrite and (partial / KEEP).exists() and any(partial.glob("*.mcap*")):
+        if not overwrite and (partial / KEEP).exists() and any(partial.rglob("*.mcap*")):
             raise OutputError(
                 f"'{partial}' holds what an interrupted run recorded, which cannot be recorded again. Pass --resume to "
                 "go on with it, move it away, or pass --overwrite."

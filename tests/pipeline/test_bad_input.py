@@ -64,6 +64,7 @@ def bad(chain, tmp_path_factory) -> Path:
 
     (at / "unknown_key.toml").write_text("episods = 3\n")
     (at / "unknown_nested_key.toml").write_text("[policy.mlp]\nwidht = 3\n")
+    (at / "jobs.toml").write_text("episodes = 3\njobs = 1\n")
     (at / "wrong_type.toml").write_text('episodes = "three"\n')
     (at / "wrong_value.toml").write_text('features = "with_feeling"\n')
     (at / "zip.toml").write_text('compression = "zip"\n')

@@ -14,6 +14,7 @@ import pytest
 
 from wrenchflow.collect import session
 from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.demonstration import id_of
 from wrenchflow.collect.folder import collect_folder
 from wrenchflow.collect.session import demonstrate
 from wrenchflow.deploy.config import DeployConfig
@@ -31,7 +32,7 @@ COMMAND = str(Path(sys.executable).with_name("wrenchflow"))
 PATIENCE_S = 120.0
 # A long rest, so that there is more than a black box keeps, and time to kill somebody.
 CONFIG = CollectConfig(episodes=1, seed=3, tare_s=12.0)
-NAME = episode_id(CONFIG.task, CONFIG.seed, 0)
+NAME = id_of(CONFIG, 0)
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +225,8 @@ def test_a_signal_that_asks_writes_it_and_says_so(tmp_path, killed, whole_minute
     ran = killed(number)
     path = tmp_path / "raw.blackbox" / f"{NAME}.blackbox.mcap"
     assert (ran.returncode, ran.stdout) == (code, "")
-    assert ran.stderr == f"wrenchflow: {word}. The black box is 'raw.blackbox/{path.name}'.\n"
+    on = "wrenchflow collect raw --episodes 4 --seed 3 --tare-s 60 --jobs 1 --resume"
+    assert ran.stderr == f"wrenchflow: {word}. The black box is 'raw.blackbox/{path.name}'. Go on with: {on}\n"
     box = read_episode(path)
     is_part_of(box, whole_minute, 10_001)
     assert box.meta["result"]["failure"] == {143: "Terminated", 130: "KeyboardInterrupt"}[code]

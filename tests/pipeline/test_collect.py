@@ -138,10 +138,19 @@ def test_an_index_is_every_bit_of_an_episode(episodes, unchecked):
 
 
 def test_names_come_from_what_determines_an_episode():
-    names = {episode_id(task, seed, index) for task in ("a", "b") for seed in (0, 1) for index in (0, 1)}
-    assert len(names) == 8
+    every = itertools.product(("a", "b"), (0, 1), (0, 1), ("", "emulated", "keyboard"))
+    names = {episode_id(*one) for one in every}
+    assert len(names) == 24
     assert episode_id("peg-insertion", 0, 3).startswith("peg-insertion-")
     assert episode_id("peg-insertion", 0, 3).endswith("-0003")
+
+
+def test_two_operators_meet_the_same_scenes_under_names_of_their_own(unchecked):
+    operators = ("scripted", "emulated", "blind-spiral")
+    with unchecked():
+        tried = [demonstrate(0, replace(CONFIG, operator=operator, time_limit_s=0.05)) for operator in operators]
+    assert len({episode.id for episode in tried}) == 3
+    assert all(episode.meta["simulator"] == tried[0].meta["simulator"] for episode in tried)
 
 
 def test_a_folder_holds_the_episodes_and_what_made_them(tmp_path, episodes, unchecked):

@@ -113,11 +113,13 @@ def test_keys_move_keep_discard_and_stop(tmp_path, at_terminal):
     terminal.press(LEFT)
     at = terminal.waits_for("discarded  peg-insertion", at)
     at = terminal.waits_for("under way", terminal.waits_for("tare: hands off", at))
+    time.sleep(1.0)  # Arrows in the first instant are not heard.
     terminal.press(RIGHT)
     at = terminal.waits_for("1 of 5  peg-insertion", at)
     terminal.waits_for("under way", terminal.waits_for("tare: hands off", at))
     terminal.press(ESCAPE)
     terminal.waits_for("the last one", at)
+    time.sleep(1.0)
     terminal.press(RIGHT)
     assert terminal.ends() == 0
     result = json.loads(terminal.running.communicate()[0])
@@ -135,8 +137,9 @@ def test_ctrl_c_stops_the_arm_and_leaves_the_terminal_as_it_was(tmp_path, at_ter
     terminal.waits_for("under way")
     os.killpg(terminal.running.pid, signal.SIGINT)  # As a terminal does, which here is nobody's controlling one.
     assert terminal.ends() == 130
-    assert b"wrenchflow: interrupted. 1 of 5 episodes are in " in terminal.written
-    (path,) = (tmp_path / "raw.partial").glob("*.mcap")
+    assert b"wrenchflow: interrupted. 0 of 5 episodes are in " in terminal.written
+    assert b"Go on with: wrenchflow collect raw " in terminal.written
+    (path,) = (tmp_path / "raw.partial" / "discarded").glob("*.mcap")
     assert read_episode(path).meta["result"]["failure"] == "stopped: emergency-stop"
 
 

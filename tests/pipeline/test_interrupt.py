@@ -69,7 +69,8 @@ def interrupted(
     assert (running.returncode, stdout) == (130, "")
     assert re.fullmatch(
         r"(\d+ of \d+  .*\n)*"  # Episodes that were there.
-        r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?\n",
+        r"wrenchflow: interrupted\.( The black box(es of \d+ attempts are in| is) '[^']+'\.)?"
+        rf"( Go on with: wrenchflow {re.escape(' '.join(command[1:]))} --resume)?\n",
         stderr,
     )
     left = {path for path in at.rglob("*") if path.is_file()} - before

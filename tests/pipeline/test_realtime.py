@@ -110,6 +110,9 @@ def test_what_the_safety_layer_did_is_there_after_the_control_process_is_killed(
     assert Ledger.of(episode) is not None  # Names of modes and safeguards were there from the start.
 
 
+GO_ON = "wrenchflow collect raw --episodes 2 --seed 3 --tare-s 0.5 --realtime --resume"
+
+
 @pytest.mark.parametrize(("number", "code"), [("SIGUSR1", 1), ("SIGTERM", 143), ("SIGINT", 130)])
 def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(tmp_path, number, code):
     command = [sys.executable, "-m", "wrenchflow", "collect", "raw", "--episodes", "2", "--seed", "3"]
@@ -134,9 +137,10 @@ def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(
     assert (running.returncode, stdout) == (code, "")
     said = {1: "emergency stop by SIGUSR1: the arm was braked.", 143: "terminated.", 130: "interrupted."}[code]
     line, last = stderr.splitlines()
-    assert line.startswith("1 of 2  ")
-    assert last == f"wrenchflow: {said} 1 of 2 episodes are in '{folder}'."
-    (path,) = folder.glob("*.mcap")
+    assert line.startswith("discarded  ")
+    assert last == f"wrenchflow: {said} 0 of 2 episodes are in '{folder}'. Go on with: {GO_ON}"
+    (path,) = folder.rglob("*.mcap")
+    assert path.parent.name == "discarded"
     assert validate(path).problems == ()
     episode = read_episode(path)
     assert episode.meta["result"]["failure"] == "stopped: emergency-stop"

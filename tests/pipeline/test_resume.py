@@ -1,5 +1,6 @@
 """To go on with a folder: the bytes are those of a run that nothing interrupted, and another configuration is named."""
 
+import shlex
 import shutil
 from pathlib import Path
 
@@ -49,12 +50,14 @@ def test_an_interrupted_folder_is_completed_to_the_same_bytes(tmp_path, wrenchfl
 
     with monkeypatch.context() as patched:
         patched.setattr(collecting, "_Record", Interrupted)
-        assert wrenchflow("collect", tmp_path / "raw", "--episodes", 4, *FLAGS, "--jobs", 1).code == 130
+        cut_off = wrenchflow("collect", tmp_path / "raw", "--episodes", 4, *FLAGS, "--jobs", 1, "--overwrite", "--json")
+    assert cut_off.code == 130
     for index in range(gone[0] + 1, 4):  # As workers that were faster would have left them.
         if index not in gone:
             shutil.copy(next(out.glob(f"*-{index:04d}.mcap")), partial)
     assert (partial / BEGUN).exists()
-    ran = wrenchflow("collect", tmp_path / "raw", "--episodes", 4, *FLAGS, "--jobs", 1, "--resume", "--json")
+    _, told = cut_off.stderr.split(" Go on with: wrenchflow ")
+    ran = wrenchflow(*shlex.split(told))
     assert {**ran.result, "out": ""} == {**said, "out": ""}
     assert contents(tmp_path / "raw") == contents(out)
 

@@ -1,27 +1,32 @@
 """Somebody demonstrates: keys keep, discard and stop; marks and lost devices are in the recording; nothing is lost."""
 
 import itertools
+import signal
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from hands.wire import Wire
 from wrenchflow.clock import Clock
 from wrenchflow.collect import realtime, sitting
 from wrenchflow.collect.board.board import Nowhere
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.device_config import DeviceConfig
+from wrenchflow.collect.devices import spacemouse
 from wrenchflow.collect.devices.device import Reading
 from wrenchflow.collect.folder import collect_folder
+from wrenchflow.collect.wishes import GRACE_S
 from wrenchflow.episode import Episode, Stream
-from wrenchflow.errors import DeviceError
+from wrenchflow.errors import ControlError, DeviceError, OutputError
 from wrenchflow.manifest import read_manifest
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.write import write_episode
 from wrenchflow.source import samples_of
+from wrenchflow.spacemouse_models import model_of
 
 CONFIG = CollectConfig(
-    episodes=2, seed=3, tare_s=0.4, time_limit_s=0.6, realtime=True, device=DeviceConfig(patience_s=0.2)
+    episodes=2, seed=3, tare_s=0.4, time_limit_s=1.2, realtime=True, device=DeviceConfig(patience_s=0.2)
 )
 
 
@@ -153,8 +158,8 @@ def recordings(folder):
 
 def test_right_ends_and_keeps_left_discards_and_does_the_same_again_escape_stops(tmp_path, session):
     # Looks: one as each attempt begins, then one a period. The second attempt is discarded, its second go ended, and
-    # escape says during the third that there shall be no fourth.
-    fingers = Fingers({21: "right", 21 + 31: "left", 52 + 41: "right", 93 + 11: "escape"})
+    # escape says during the third, at its very beginning, that there shall be no fourth.
+    fingers = Fingers({121: "right", 121 + 131: "left", 252 + 141: "right", 393 + 11: "escape"})
     kept, board = session(fingers=fingers, config=replace(CONFIG, episodes=5))
     ids = [shown.id for shown in kept]
     assert [shown.outcome.failure for shown in kept] == ["operator: ended", "operator: ended", "timeout"]
@@ -164,8 +169,8 @@ def test_right_ends_and_keeps_left_discards_and_does_the_same_again_escape_stops
     np.testing.assert_array_equal(again["goal_pose"].data, before["goal_pose"].data)
     assert again.meta["simulator"]["state"] == before.meta["simulator"]["state"]
     assert before.meta["result"]["failure"] == "operator: discarded"
-    assert len(before["teleop/joy"]) == 30
-    assert len(again["teleop/joy"]) == 40
+    assert len(before["teleop/joy"]) == 130
+    assert len(again["teleop/joy"]) == 140
     assert read_manifest(tmp_path / "raw")["config"]["episodes"] == 3
     more, _ = session(fingers=Fingers(), config=replace(CONFIG, episodes=4), resume=True)
     assert [shown.id for shown in more[:3]] == ids
@@ -174,13 +179,60 @@ def test_right_ends_and_keeps_left_discards_and_does_the_same_again_escape_stops
 
 
 def test_escape_before_an_attempt_that_is_discarded_keeps_what_was_there(tmp_path, session):
-    kept, board = session(fingers=Fingers({11: "right", 31: "escape", 41: "left"}), config=replace(CONFIG, episodes=5))
+    kept, board = session(
+        fingers=Fingers({111: "right", 131: "escape", 241: "left"}), config=replace(CONFIG, episodes=5)
+    )
     assert len(kept) == len(board.discarded) == 1
     assert read_manifest(tmp_path / "raw")["config"]["episodes"] == 1
 
 
+def test_an_arrow_in_the_first_instant_was_meant_for_the_attempt_before(session):
+    kept, board = session(fingers=Fingers({3: "left", 60: "right", 99: "left", 150: "escape"}))
+    assert [shown.outcome.failure for shown in kept] == ["timeout"]
+    assert board.discarded == []
+    assert GRACE_S == 0.5  # So it is what the looks above, of 5 ms each, are about.
+
+
+def test_escape_twice_ends_an_attempt_however_young(session):
+    kept, _ = session(fingers=Fingers({3: "escape", 5: "escape"}))
+    assert [shown.outcome.failure for shown in kept] == ["operator: ended"]
+    assert kept[0].outcome.duration_s < 0.1
+
+
+def test_what_an_emergency_stop_ended_is_set_aside_and_done_again(tmp_path, session):
+    def stopped(count, now_ns):
+        if count == 260:  # In the second attempt.
+            signal.raise_signal(signal.SIGUSR1)
+        return Reading(t_ns=now_ns)
+
+    with pytest.raises(ControlError, match="emergency stop") as caught:
+        session(device=Puppet(stopped))
+    folder = tmp_path / "raw.partial"
+    assert caught.value.__notes__ == [f"1 of 2 episodes are in '{folder}'."]
+    kept, braked = (folder / path for path in sorted(recordings(folder), reverse=True))
+    assert braked.parent.name == "discarded"
+    before = read_episode(braked)
+    assert before.meta["result"]["failure"] == "stopped: emergency-stop"
+    first = kept.read_bytes()
+    shown, _ = session(resume=True)
+    assert [(one.id, one.was_there) for one in shown] == [(kept.stem, True), (before.id, False)]
+    assert (tmp_path / "raw" / kept.name).read_bytes() == first
+    assert (tmp_path / "raw" / "discarded" / braked.name).exists()
+    again = read_episode(tmp_path / "raw" / f"{before.id}.mcap")
+    assert again.meta["simulator"]["state"] == before.meta["simulator"]["state"]
+
+
+def test_what_was_only_discarded_is_not_done_away_with_by_the_next_run(tmp_path, session):
+    with pytest.raises(OutputError, match="no episode was kept"):
+        session(fingers=Fingers({11: "escape", 131: "left"}))
+    (discarded,) = (tmp_path / "raw.partial" / "discarded").iterdir()
+    with pytest.raises(OutputError, match="holds what an interrupted run recorded"):
+        session()
+    assert discarded.exists()
+
+
 def test_a_review_asks_after_each_attempt_that_nobody_ended(tmp_path, session):
-    fingers = Fingers({11: "right"}, answers=["left", "right"])
+    fingers = Fingers({111: "right"}, answers=["left", "right"])
     kept, board = session(fingers=fingers, review=True)
     assert len(kept) == 2
     assert len(board.discarded) == 1
@@ -283,7 +335,7 @@ def test_a_lost_device_is_asked_for_where_there_is_somebody(tmp_path, monkeypatc
         kept = list(collect_folder(tmp_path / "raw", config, board=board))
     assert [shown.outcome.failure for shown in kept] == ["timeout", "timeout"]
     assert len(board.discarded) == 1
-    assert [question.split("   ")[0] for question in board.asked] == [
+    assert [question.split("\n")[0] for question in board.asked] == [
         "device: the puppet has gone: tie it on again.",
         "no puppet is there.",
     ]
@@ -299,11 +351,31 @@ def test_the_clock_of_a_device_never_goes_back(session, monkeypatch):
 
 
 def test_a_device_that_is_not_there_leaves_nothing_behind(tmp_path, wrenchflow):
-    for operator, said in (("keyboard", "no keyboard is there"), ("replay", "give --device.recording")):
-        ran = wrenchflow("collect", tmp_path / "raw", "--operator", operator, "--episodes", 1)
+    for flags, said in (
+        (("keyboard",), "no keyboard is there"),
+        (("replay",), "give --device.recording"),
+        (("lerobot",), "give --device.kind"),
+        (("lerobot", "--device.kind", "so101_leader", "--device.settings", "port=/dev/no-tty"), "is not installed: "),
+        (("lerobot", "--device.kind", "phone", "--device.settings", "colour=red"), "does not take the settings"),
+    ):
+        ran = wrenchflow("collect", tmp_path / "raw", "--operator", *flags, "--episodes", 1)
         assert ran.code == 1
         assert said in ran.stderr
         assert ran.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_device_that_goes_between_being_found_and_being_read_leaves_nothing_behind(tmp_path, wrenchflow, monkeypatch):
+    wire = Wire()
+    wire.unplug()
+    model = model_of(0x256F, 0xC635)
+    assert model is not None
+    mouse = spacemouse.SpaceMouse(wire, model)
+    monkeypatch.setattr(spacemouse, "open_spacemouse", lambda buttons: mouse)
+    ran = wrenchflow("collect", tmp_path / "raw", "--operator", "spacemouse", "--episodes", 1)
+    assert ran.code == 1
+    assert "has gone (read error)" in ran.stderr
+    assert wire.is_closed
     assert list(tmp_path.iterdir()) == []
 
 

@@ -21,6 +21,30 @@ def test_a_changed_kernel_file_names_another_cache_and_a_changed_other_file_does
     assert sources_hash(tmp_path) != before
 
 
+def test_a_kernel_is_cold_until_it_was_compiled_and_again_when_its_file_was_changed(tmp_path: Path):
+    law = tmp_path / "law.py"
+    law.write_text("from wrenchflow.compiled import kernel\n@kernel\ndef f(x):\n    return x + 1\n")
+    program = (
+        "import sys, law; from wrenchflow.compiled import is_cold;print(is_cold(law.f)); law.f(*map(int, sys.argv[1:]))"
+    )
+    own = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def said(program: str, *arguments: str, **more: str) -> str:
+        command = [sys.executable, "-c", program, *arguments]
+        return subprocess.run(
+            command, env={**own, **more}, cwd=tmp_path, check=True, capture_output=True, text=True
+        ).stdout.strip()
+
+    # Another kernel fills the folder, which says nothing of this one.
+    said("from wrenchflow.so3 import log_into; import numpy as np; log_into(np.eye(3), np.zeros(4))")
+    assert said(program, "1") == "True"
+    assert said(program, "1") == "False"
+    law.write_text(law.read_text().replace("+ 1", "+ 2"))
+    assert said(program, "1") == "True"
+    assert said(program, "1") == "False"
+    assert said(program, "1", NUMBA_DISABLE_JIT="1") == "False"  # Then nothing is compiled at all.
+
+
 def test_a_division_by_zero_gives_inf_and_other_packages_keep_their_cache():
     before = numba.config.CACHE_DIR
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from lerobot.utils.rotation import Rotation
 
 import wrenchflow
 from hands.teleoperator import DELTAS, Fed, deltas
+from wrenchflow.collect.devices import lerobot_teleoperator
 from wrenchflow.collect.devices.alignment import AlignmentLimits
 from wrenchflow.collect.devices.lerobot_actions import HeldConfig, LeaderConfig
 from wrenchflow.collect.devices.lerobot_teleoperator import LeRobotTeleoperator, SeesFollower, connect
@@ -346,11 +348,47 @@ class TestConnect:
         with pytest.raises(DeviceError, match="'so101_leader' does not take the settings"):
             connect("so101_leader", {"port": "/dev/null", "colour": "red"})
 
-    def test_a_port_without_a_leader_says_what_to_do(self, tmp_path, capsys):
-        settings = {"port": str(tmp_path / "no-tty"), "id": "mine", "calibration_dir": str(tmp_path)}
-        with pytest.raises(DeviceError, match=r"'so101_leader' cannot be connected .*lerobot-find-port"):
-            connect("so101_leader", settings, leader=LeaderConfig(kinematics=PANDA))
+    @pytest.mark.parametrize(("kind", "setting"), [("so101_leader", "port"), ("phone", "phone_os")])
+    def test_a_driver_that_is_not_installed_says_what_to_install(self, kind, setting, tmp_path, capsys):
+        settings = {setting: "android", "id": "mine", "calibration_dir": str(tmp_path)}
+        said = rf"the driver of the teleoperator '{kind}' is not installed: '.*' is required .*pip install"
+        with pytest.raises(DeviceError, match=said):
+            connect(kind, settings)
         assert capsys.readouterr().out == ""
+
+    def test_a_port_without_a_leader_says_what_to_do(self, tmp_path, monkeypatch):
+        class Unplugged(Fed):
+            def connect(self, calibrate: bool = True) -> None:
+                raise ConnectionError("no such port: /dev/ttyACM0")
+
+        monkeypatch.setattr(
+            "lerobot.teleoperators.make_teleoperator_from_config", lambda _: Unplugged(tmp_path, JOINTS)
+        )
+        said = r"'so101_leader' cannot be connected \(no such port: /dev/ttyACM0\): .*lerobot-find-port"
+        with pytest.raises(DeviceError, match=said):
+            connect("so101_leader", {"port": "/dev/ttyACM0"}, leader=LeaderConfig(kinematics=PANDA))
+
+    def test_a_driver_that_connects_to_nothing_is_refused(self):
+        # LeRobot's own gamepad logs that there is none, counts as connected, and fails whenever it is asked.
+        ran = subprocess.run([sys.executable, "-c", NO_GAMEPAD], capture_output=True, text=True, check=False)
+        assert (ran.returncode, ran.stdout) == (0, "the teleoperator 'gamepad' is connected to nothing\n1\n"), (
+            ran.stderr
+        )
+
+    def test_a_driver_that_waits_for_whoever_holds_it_is_not_waited_for(self, make: Make, monkeypatch):
+        monkeypatch.setattr(lerobot_teleoperator, "_FIRST_S", 0.05)
+        _, device = make(DELTAS)
+        device.require_there()
+        assert device.read(5).t_ns == 0
+
+    def test_one_failure_at_the_start_is_none(self, make: Make):
+        fed, device = make(DELTAS)
+        fed.feed(TimeoutError("no answer"))
+        later = threading.Timer(0.1, fed.feed, [deltas(0.5)])
+        later.start()
+        device.require_there()
+        later.join()
+        assert device.read(5).counts[0] == 500
 
     def test_without_lerobot_it_says_what_to_install(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "lerobot.teleoperators", None)
@@ -367,6 +405,18 @@ class TestConnect:
         assert (ran.returncode, ran.stdout) == (0, "lerobot-gamepad [1000, 0, 0, 0, 0, 0]\n"), ran.stderr
         assert "Gamepad controls" in ran.stderr
 
+
+NO_GAMEPAD = """
+import threading
+from wrenchflow.collect.devices.lerobot_teleoperator import connect
+from wrenchflow.errors import DeviceError
+
+try:
+    connect("gamepad", {})
+except DeviceError as error:
+    print(str(error).partition(" (")[0])
+print(threading.active_count())  # Nobody goes on to ask it.
+"""
 
 OWN_GAMEPAD = """
 import time

@@ -5,7 +5,7 @@ from typing import Literal
 
 from wrenchflow.collect.device_config import DeviceConfig
 from wrenchflow.collect.devices.twist_map import TwistMap
-from wrenchflow.config import require_at_least, require_positive
+from wrenchflow.config import require_at_least, require_between, require_positive
 from wrenchflow.control.config import Impedance
 from wrenchflow.errors import ConfigError
 from wrenchflow.sim.config import AttemptConfig
@@ -90,11 +90,14 @@ class CollectConfig(AttemptConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_at_least(1, device_hz=self.device_hz, tares=self.tares)
-        require_at_least(0, disturbance_m=self.disturbance_m, tare_wait_s=self.tare_wait_s)
+        require_between(1, 1000, device_hz=self.device_hz)
+        require_between(1, 100, tares=self.tares)
+        require_between(0, 60, tare_wait_s=self.tare_wait_s)
+        # Further off the operator would not find what they see; for longer it would be an offset and no disturbance.
+        require_between(0, 0.01, disturbance_m=self.disturbance_m)
+        require_between(0.001, 60, disturbance_s=self.disturbance_s)
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= 3600.0:
             raise ConfigError(f"time_limit_s is {self.time_limit_s:g}, expected more than 0 and 3600 at most.")
-        require_positive(disturbance_s=self.disturbance_s)
         if len(set(self.cameras)) != len(self.cameras):
             raise ConfigError(f"cameras are {', '.join(self.cameras)}, expected each at most once.")
         if not 50.0 <= self.guided.translation_n_m <= 200.0:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -96,7 +97,7 @@ class Coverage:
     def __reduce__(self):  # A MappingProxyType does not pickle, and a board may be drawn by another process.
         return _made, (self.starts_box, self.goals_box, self.starts, self.goals, dict(self.tried), dict(self.done))
 
-    def to_mapping(self) -> dict[str, object]:
+    def to_mapping(self) -> dict[str, Any]:
         """Plain figures: cells that were seen of those there are, and successes of attempts by who made them."""
         return {
             "starts": [len(self.starts), self.starts_box.cells],

@@ -5,9 +5,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from wrenchflow.collect.config import CollectConfig
 from wrenchflow.episode import Episode, Event
 from wrenchflow.recording.recording import Recording
-from wrenchflow.sim.attempt import Outcome
+from wrenchflow.sim.attempt import Outcome, episode_id
 
 TARE = "tare"  # Kind of the events of tares that were refused.
 
@@ -41,6 +42,11 @@ class Demonstration:
     lost: int = 0
     problems: tuple[str, ...] = ()
     was_there: bool = False
+
+
+def id_of(config: CollectConfig, index: int) -> str:
+    """Name of a demonstration: two operators meet the same scenes, and may come to lie in one folder."""
+    return episode_id(config.task, config.seed, index, config.operator)
 
 
 def demonstration_of(episode: Episode, *, was_there: bool = False) -> Demonstration:

@@ -1,11 +1,14 @@
 """What a person may set about the device that they hold; loads nothing heavy."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from wrenchflow.config import require_at_least, require_positive
+from wrenchflow.config import require_between
 from wrenchflow.errors import ConfigError
+
+MOST_RAD = 4.0 * math.pi  # Two turns: a leader's joint that stands further off was given in degrees.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +48,15 @@ class DeviceConfig:
     offsets_rad: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        require_positive(patience_s=self.patience_s, tap_s=self.tap_s, full_scale=self.full_scale, scale=self.scale)
-        require_at_least(0, gripper_button=self.gripper_button, mark_button=self.mark_button)
+        require_between(0.01, 60, **{"device.patience_s": self.patience_s})
+        require_between(0.005, 2, **{"device.tap_s": self.tap_s})
+        require_between(1e-6, 1e6, **{"device.full_scale": self.full_scale})
+        require_between(0.01, 10, **{"device.scale": self.scale})
+        buttons = {"device.gripper_button": self.gripper_button, "device.mark_button": self.mark_button}
+        require_between(0, 47, **buttons)
         if self.full_scale_counts is not None:
-            require_at_least(1, full_scale_counts=self.full_scale_counts)
+            require_between(1, 1e6, **{"device.full_scale_counts": self.full_scale_counts})
+        require_between(-MOST_RAD, MOST_RAD, **{"device.offsets_rad": max(self.offsets_rad, key=abs, default=0.0)})
         for setting in self.settings:
             if not setting.partition("=")[1]:
                 raise ConfigError(f"a setting of a device is NAME=VALUE, got '{setting}'.")

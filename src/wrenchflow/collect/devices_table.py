@@ -38,10 +38,21 @@ def help_of(name: str) -> tuple[str, ...]:
     return help_lines()
 
 
+def _read_once(device: TeleopDevice) -> TeleopDevice:
+    """Find out now whether a device that could be opened has gone, and not in the first attempt."""
+    try:
+        device.read(0)
+    except DeviceError:
+        device.close()
+        raise
+    return device
+
+
 def _spacemouse(config: CollectConfig, keys: Keys) -> TeleopDevice:
     from wrenchflow.collect.devices.spacemouse import SpaceMouseButtons, open_spacemouse
 
-    return open_spacemouse(SpaceMouseButtons(gripper=config.device.gripper_button, mark=config.device.mark_button))
+    buttons = SpaceMouseButtons(gripper=config.device.gripper_button, mark=config.device.mark_button)
+    return _read_once(open_spacemouse(buttons))
 
 
 def _keyboard(config: CollectConfig, keys: Keys) -> TeleopDevice:
@@ -53,7 +64,7 @@ def _keyboard(config: CollectConfig, keys: Keys) -> TeleopDevice:
 def _gamepad(config: CollectConfig, keys: Keys) -> TeleopDevice:
     from wrenchflow.collect.devices.gamepad import open_gamepad
 
-    return open_gamepad()
+    return _read_once(open_gamepad())
 
 
 def _replay(config: CollectConfig, keys: Keys) -> TeleopDevice:

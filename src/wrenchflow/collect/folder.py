@@ -9,7 +9,7 @@ from pathlib import Path
 from wrenchflow.collect import resume as resuming
 from wrenchflow.collect.board.board import Board, Nowhere
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.demonstration import Demonstration, demonstration_in, demonstration_of
+from wrenchflow.collect.demonstration import Demonstration, demonstration_in, demonstration_of, id_of
 from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.operators_table import require_operator
 from wrenchflow.collect.session import demonstrate, known_of
@@ -21,7 +21,6 @@ from wrenchflow.errors import OutputError
 from wrenchflow.manifest import KEEP, output_folder, write_manifest
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
-from wrenchflow.sim.attempt import episode_id
 from wrenchflow.sim.startup import check_cell
 from wrenchflow.sim.streams import ROWS
 from wrenchflow.sim.tasks import scenery
@@ -36,7 +35,7 @@ class _Record:
     config: CollectConfig
 
     def __call__(self, index: int) -> Demonstration:
-        config, name = self.config, episode_id(self.config.task, self.config.seed, index)
+        config, name = self.config, id_of(self.config, index)
         with BlackBox(self.boxes, ROWS, id=name, task=config.task, meta=known_of(config, index)) as box:
             episode = demonstrate(index, config, box=box)
             write_episode(self.folder / f"{name}.mcap", episode, config.compression)

@@ -10,8 +10,9 @@ from wrenchflow.camera import View
 from wrenchflow.collect.beat import Beat
 from wrenchflow.collect.board.row import EVERY_TICKS, Feed
 from wrenchflow.collect.config import CollectConfig
-from wrenchflow.collect.demonstration import Demonstration, lost_of, problems_of, refused_of, who_of
+from wrenchflow.collect.demonstration import Demonstration, id_of, lost_of, problems_of, refused_of, who_of
 from wrenchflow.collect.desk import Desk
+from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.happenings import Happenings
 from wrenchflow.collect.on_clock import OnClock
 from wrenchflow.collect.session import Session, compliant, known_of
@@ -26,7 +27,7 @@ from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.errors import DeviceError, OutputError
 from wrenchflow.recording.recorder import Recorder
 from wrenchflow.recording.ring import TAP_ROWS, Ring
-from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt, episode_id
+from wrenchflow.sim.attempt import DEMONSTRATE, MJCF, Attempt
 from wrenchflow.sim.state import Looks, looks_size
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.source import Source
@@ -58,7 +59,7 @@ def demonstrate_in_real_time(
     config = compliant(config)
     task, rig, model = scenery(config.task, config.rig)
     views = views_of(config, rig)
-    name = episode_id(config.task, config.seed, index)
+    name = id_of(config, index)
     desk = desk or Desk()
     feed = desk.board.begin(name) if desk.board is not None else None
     known = known_of(config, index)
@@ -96,7 +97,7 @@ def demonstrate_in_real_time(
                 compression=config.compression,
             )
             beat = Beat(stack.enter_context(recorder), control, Looks(attempt.plant.data) if views else None, show)
-            beat.watchers = tuple(_watchers(beat, attempt, feed, desk.viewer))
+            beat.watchers = tuple(_watchers(beat, attempt, feed, desk.device, desk.viewer))
             return beat
 
         attempt = Attempt(
@@ -159,7 +160,7 @@ def _look(
     if stuck_s > patience_s:
         attempt.end(f"{LOST}{session.problem}")
     if desk.wishes is not None:
-        was_last, ending = desk.wishes.is_last, desk.wishes.look()
+        was_last, ending = desk.wishes.is_last, desk.wishes.look(attempt.elapsed_s)
         if desk.wishes.is_last and not was_last:
             _say(desk, "this attempt is the last one.")
         if ending:
@@ -171,12 +172,18 @@ def _look(
 
 
 def _watchers(
-    beat: "Beat", attempt: Attempt, feed: Feed | None, viewer: SceneViewer | None
+    beat: "Beat", attempt: Attempt, feed: Feed | None, device: TeleopDevice | None, viewer: SceneViewer | None
 ) -> Iterator[Callable[[int], None]]:
     """Who is told of each tick that is over."""
     if feed is not None:
-        ctl, recorder = attempt.controller.ctl, beat.recorder
-        yield lambda tick: feed.tick(tick, beat.late, recorder.dropped, ctl) if tick % EVERY_TICKS == 0 else None
+        ctl, recorder, plant = attempt.controller.ctl, beat.recorder, attempt.plant
+
+        def tell(tick: int) -> None:
+            if tick % EVERY_TICKS == 0:
+                feed.tick(tick, beat.late, recorder.dropped, ctl, plant.recorded[-1]["tcp_pose"])
+
+        feed.aim(attempt.scene.T_base_goal_perceived, device)
+        yield tell
     if viewer is not None:
         looks = Looks(attempt.plant.data)
         yield lambda tick: viewer.tick(tick, looks)

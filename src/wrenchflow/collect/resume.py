@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from wrenchflow.collect.config import CollectConfig
+from wrenchflow.collect.demonstration import id_of
 from wrenchflow.config import to_mapping
 from wrenchflow.errors import OutputError
 from wrenchflow.manifest import NAME, partial_of, read_json, versions, write_json
-from wrenchflow.sim.attempt import episode_id
 
 BEGUN = ".begun.json"  # In a folder that is being written: what it is recorded with.
-DISCARDED = "discarded"  # Where attempts go that nobody wants to learn from, and what a crash left of one.
+DISCARDED = "discarded"  # Where attempts go that nobody wants to learn from, and what a crash or a stop left of one.
 
 
 def require_same(out: Path, config: CollectConfig) -> None:
@@ -88,7 +88,7 @@ def there_and_missing(folder: Path, config: CollectConfig) -> tuple[list[Path], 
 
 
 def _path(folder: Path, config: CollectConfig, index: int) -> Path:
-    return folder / f"{episode_id(config.task, config.seed, index)}.mcap"
+    return folder / f"{id_of(config, index)}.mcap"
 
 
 def _highest(folder: Path) -> int:

@@ -1,6 +1,6 @@
 """Record demonstrations: an operator sees and feels, a device moves the target, the arm follows, and all is kept."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -9,10 +9,13 @@ import numpy as np
 
 from wrenchflow import signals
 from wrenchflow.collect.config import PEOPLE, CollectConfig
+from wrenchflow.collect.demonstration import id_of
 from wrenchflow.collect.devices.device import TeleopDevice
 from wrenchflow.collect.devices.emulated_spacemouse import FULL_SCALE_COUNTS
-from wrenchflow.collect.follow import PERIOD, Follower, note
+from wrenchflow.collect.follow import PERIOD, Follower, follow, note
+from wrenchflow.collect.hand import operate
 from wrenchflow.collect.hand_driver import HandDriver
+from wrenchflow.collect.hand_loop import decide, drive
 from wrenchflow.collect.operators_table import make_driver
 from wrenchflow.collect.profiles import person_of
 from wrenchflow.collect.sim_camera import Album, views_of
@@ -21,7 +24,8 @@ from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_S
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.recording.black_box import BlackBox
-from wrenchflow.sim.attempt import DEMONSTRATE, Attempt, episode_id
+from wrenchflow.sim.attempt import DEMONSTRATE, Attempt
+from wrenchflow.sim.engine import advance
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.sim.tasks.task import mjcf_of
 
@@ -64,7 +68,7 @@ def demonstrate(
     known = {"cameras": {view.name: to_mapping(view) for view in views}} if views else {}
 
     def so_far() -> Episode:
-        name = episode_id(config.task, config.seed, index)
+        name = id_of(config, index)
         return attempt.episode(name, session.streams(), session.phases(), **known_of(config, index), **known)
 
     if box is not None:
@@ -89,6 +93,13 @@ def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
         return known
     name, person = person_of(config, index)
     return {**known, "person": {"profile": name, **to_mapping(person)}}
+
+
+def kernels_of(config: CollectConfig) -> tuple[Callable[..., Any], ...]:
+    """The kernels that Python calls in an attempt: the loop, and who drives."""
+    if config.operator == "emulated":
+        return (advance, decide if config.is_paced else drive)
+    return (advance, follow, operate) if config.operator == "hand-guided" else (advance, follow)
 
 
 _STRETCH_PERIODS = 8  # What Python does between two stretches then costs less than a microsecond a tick.

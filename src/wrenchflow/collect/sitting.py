@@ -22,6 +22,7 @@ from wrenchflow.errors import DeviceError
 from wrenchflow.sim.state import looks_size, model_bytes
 from wrenchflow.sim.tasks import scenery
 
+BRAKED = "stopped: emergency-stop"  # What an attempt fails by that an emergency stop ended.
 _CHOICE = "right: keep   left: discard and redo   escape: keep and stop"
 _MEND = "put it right, then right: go on   left: discard and redo   escape: stop"
 
@@ -84,6 +85,8 @@ class Sitting:
             stop: What brakes the arm from outside.
             there: How many episodes are in the folder already.
 
+        An attempt that an emergency stop ended is set aside, so that its scene is done again by who goes on.
+
         Raises:
             DeviceError: If a device was lost, and there is nobody who could say how to go on.
             KeyboardInterrupt, Terminated, ControlError: After a stop.
@@ -93,7 +96,7 @@ class Sitting:
             while True:
                 shown = realtime.demonstrate_in_real_time(index, self._config, folder, stop, self._desk)
                 verdict = self._verdict(shown, stop)
-                if verdict != REDO:
+                if verdict != REDO and shown.outcome.failure != BRAKED:
                     break
                 set_aside(folder / f"{shown.id}.mcap")
                 self._board.discard(shown)
@@ -112,24 +115,24 @@ class Sitting:
             self._again()
 
     def _verdict(self, shown: Demonstration, stop: EmergencyStop) -> str:
-        """What becomes of an attempt; of one that a stop ended, that it is kept."""
+        """What becomes of an attempt; nobody is asked about it after a stop."""
         if stop.heard is not None or not self._wishes.can_ask:
             return KEEP
         if shown.outcome.failure.startswith(realtime.LOST):
             return self._mend(shown, stop)
         if not self._review or self._wishes.ending:
             return self._wishes.ending or KEEP
-        return self._ask(f"{told(shown)}   {_CHOICE}", stop)
+        return self._ask(f"{told(shown)}\n{_CHOICE}", stop)
 
     def _mend(self, shown: Demonstration, stop: EmergencyStop) -> str:
         """Wait until the device is there again, or nobody wants to go on."""
-        question = f"{shown.outcome.failure}   {_MEND}"
+        question = f"{shown.outcome.failure}\n{_MEND}"
         while (verdict := self._ask(question, stop)) != STOP:
             try:
                 self._reopen()
                 return verdict
             except DeviceError as error:
-                question = f"{error}   {_MEND}"
+                question = f"{error}\n{_MEND}"
         return verdict
 
     def _ask(self, question: str, stop: EmergencyStop) -> str:

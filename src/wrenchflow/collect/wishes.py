@@ -5,7 +5,12 @@ from collections.abc import Callable, Collection
 from typing import Protocol, runtime_checkable
 
 KEEP, REDO, STOP = "right", "left", "escape"
-HELP = "right: end and keep   left: discard and redo   escape: stop after this one   Ctrl-C: emergency stop"
+HELP = (
+    "right: end and keep   left: discard and redo",
+    "escape: stop after this one   Ctrl-C: emergency stop",
+)
+# An arrow that comes so soon was meant for the attempt before: that ended by itself just then, or it was pressed twice.
+GRACE_S = 0.5
 _NAP_S = 0.02
 
 
@@ -46,12 +51,16 @@ class Wishes:
         self._keys.pressed((KEEP, REDO, STOP))
         self.ending = ""
 
-    def look(self) -> str:
-        """Take in what was pressed; returns `ending`. Escape twice ends the attempt as well."""
+    def look(self, elapsed_s: float) -> str:
+        """Take in what was pressed; returns `ending`. Escape twice ends the attempt as well.
+
+        Args:
+            elapsed_s: For how long the attempt has been under way; before `GRACE_S` only escape counts [s].
+        """
         for key in self._keys.pressed((KEEP, REDO, STOP)):
             if key == STOP and not self.is_last:
                 self.is_last = True
-            else:
+            elif key == STOP or elapsed_s >= GRACE_S:
                 self.ending = REDO if key == REDO else KEEP
         return self.ending
 

@@ -375,7 +375,14 @@ def generators(seed: Sequence[int]) -> list[np.random.Generator]:
     return np.random.default_rng(tuple(seed)).spawn(4)
 
 
-def episode_id(task: str, seed: int, index: int) -> str:
-    """Name of an episode, from what determines it and nothing else."""
-    short = hashlib.sha256(f"{task}/{seed}".encode()).hexdigest()[:6]
+def episode_id(task: str, seed: int, index: int, operator: str = "") -> str:
+    """Name of an episode, from what determines it and nothing else.
+
+    Args:
+        task: That is attempted.
+        seed: Of the set of attempts.
+        index: Of the attempt in it.
+        operator: Who acts, where several may meet the same scenes.
+    """
+    short = hashlib.sha256("/".join([task, str(seed), *([operator] if operator else [])]).encode()).hexdigest()[:6]
     return f"{task}-{short}-{index:04d}"

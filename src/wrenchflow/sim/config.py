@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from wrenchflow.config import require_at_least
+from wrenchflow.config import require_between
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.errors import ConfigError
 
@@ -35,6 +35,6 @@ class AttemptConfig:
         return 1.0
 
     def __post_init__(self) -> None:
-        require_at_least(1, episodes=self.episodes)
+        require_between(1, 100_000, episodes=self.episodes)
         if not 0.4 <= self.tare_s <= 60.0:  # Its second half is what the bias is told from.
             raise ConfigError(f"tare_s is {self.tare_s:g}, expected from 0.4 to 60.")

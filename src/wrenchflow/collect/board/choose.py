@@ -34,9 +34,10 @@ def choose_board(config: CollectConfig, *, has_sound: bool) -> Board:
     facts = Facts(
         title=f"{config.operator}: {config.task}",
         limit_n=min(config.control.retreat_force_n, task.force_limit_n),
+        full_speed_m_s=config.twist_map.linear_max_m_s,
         modes=MODES,
         phases=task.phases,
-        help=(*help_of(config.operator), HELP) if config.is_paced else ("Ctrl-C: stop; --resume goes on",),
+        help=(*help_of(config.operator), *HELP) if config.is_paced else ("Ctrl-C: stop; --resume goes on",),
     )
     if not config.is_paced:
         return Screen(facts, tally)

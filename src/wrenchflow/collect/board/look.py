@@ -10,8 +10,9 @@ from rich.text import Text
 
 from wrenchflow.collect.board.tally import Tally
 from wrenchflow.collect.coverage_told import coverage_told
+from wrenchflow.spatial import rotation_of
 
-_BAR = 40
+_BAR, _PROGRESS = 40, 24
 _BEYOND = 1.25  # A bar reaches a quarter further than the limit.
 _AXES = ("fx", "fy", "fz", "|f|")
 
@@ -23,6 +24,7 @@ class Facts:
     Attributes:
         title: Operator and task.
         limit_n: Force that spoils the work, or that the arm draws back from [N].
+        full_speed_m_s: Of the target, at full deflection of the device [m/s].
         modes: Names of the safety layer's modes.
         phases: Names of the task's phases.
         help: Lines that say what keys and device do.
@@ -30,6 +32,7 @@ class Facts:
 
     title: str
     limit_n: float
+    full_speed_m_s: float
     modes: tuple[str, ...]
     phases: tuple[str, ...]
     help: tuple[str, ...]
@@ -50,7 +53,7 @@ def look(
     """
     parts: list[RenderableType] = [Text(f"episode {min(tally.kept + 1, tally.total)} of {tally.total}   {id}")]
     if row is not None:
-        parts += [_state(facts, row, rate_hz), _bars(row["wrench"], facts.limit_n)]
+        parts += [_state(facts, row, rate_hz), *_place(row), _hand(facts, row), _bars(row["wrench"], facts.limit_n)]
         if problem := bytes(row["problem"]).decode(errors="replace"):
             parts.append(Text(f"device: {problem}: the arm holds", "bold red"))
     parts.append(_progress(tally))
@@ -65,12 +68,31 @@ def _state(facts: Facts, row: np.void, rate_hz: float) -> Text:
         phase = "tare: hands off"
     else:
         phase = facts.phases[row["phase"]] if row["phase"] >= 0 else "under way"
-    gripper, mark = row["buttons"] & 1, row["buttons"] & 2
     text = Text(f"{rate_hz:4.0f} Hz   {row['elapsed_s']:5.1f} s   {phase:<16} {facts.modes[row['mode']]:<10}")
     text.append(f" late {row['late']}", "yellow" if row["late"] else "")
     text.append(f"  dropped {row['lost']}", "red" if row["lost"] else "")
-    text.append("  gripper" if gripper else "", "cyan")
-    text.append("  mark" if mark else "", "magenta")
+    return text
+
+
+def _place(row: np.void) -> list[RenderableType]:
+    """Where the tool is from the goal, as it is perceived; nothing before that is known."""
+    tcp, goal = row["tcp_pose"], row["goal_pose"]
+    if not (tcp.any() and goal.any()):
+        return []
+    x, y, z = (tcp[:3] - goal[:3]) * 1e3
+    turned = rotation_of(tcp[3:]) @ rotation_of(goal[3:]).T
+    # The turn about the vertical that comes nearest to all of it.
+    yaw_deg = np.degrees(np.arctan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1]))
+    return [Text(f"from the goal   x {x:+7.1f}   y {y:+7.1f}   z {z:+7.1f} mm   yaw {yaw_deg:+6.1f}°", "bold")]
+
+
+def _hand(facts: Facts, row: np.void) -> Text:
+    """How fast the device moves the tool, and what is pressed."""
+    speed_mm_s = float(row["speed_share"]) * facts.full_speed_m_s * 1e3
+    name = bytes(row["speed_name"]).decode(errors="replace")
+    text = Text(f"speed {name}: {speed_mm_s:.0f} mm/s" if name else f"speed: {speed_mm_s:.0f} mm/s at most")
+    text.append("   gripper" if row["buttons"] & 1 else "", "cyan")
+    text.append("   mark" if row["buttons"] & 2 else "", "magenta")
     return text
 
 
@@ -92,9 +114,12 @@ def _bar(share: float) -> Text:
 
 def _progress(tally: Tally) -> Text:
     share = tally.kept / tally.total
-    text = Text("█" * round(share * _BAR) + "·" * (_BAR - round(share * _BAR)), "blue")
+    text = Text("█" * round(share * _PROGRESS) + "·" * (_PROGRESS - round(share * _PROGRESS)), "blue")
     text.append(f" {tally.kept} kept", "bold")
     text.append(f" ({tally.failed} of them failed), {tally.discarded} discarded", "")
-    covered = coverage_told(tally.coverage.to_mapping())
-    text.append(f"\nstarts {covered['starts']}, goals {covered['goals']}; {covered['successes_by']}", "")
+    covered = tally.coverage.to_mapping()
+    told = coverage_told(covered)
+    text.append(f"\nstarts {told['starts']}, goals {told['goals']}", "")
+    people = [f"{who} {done}/{tried}" for who, (done, tried) in covered["successes_by"].items()]
+    text.append(f"\n{', '.join(people)}" if people else "", "")
     return text

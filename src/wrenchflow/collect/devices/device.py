@@ -31,6 +31,16 @@ class Reading:
 
 
 @runtime_checkable
+class HasSpeeds(Protocol):
+    """A device whose full deflection is one of several speeds."""
+
+    @property
+    def speed(self) -> tuple[str, float]:
+        """Name of the one that is chosen, and its share of full speed."""
+        ...
+
+
+@runtime_checkable
 class TeleopDevice(Protocol):
     """Something that a person moves an arm with.
 

@@ -28,9 +28,9 @@ _A, _B, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 9, 10
 def help_lines() -> tuple[str, ...]:
     """What sticks and buttons do, for a person."""
     return (
-        "left stick: forward, back, left, right  right trigger: up  left trigger: down",
-        "right stick: turn to the left or right, tilt forward or back  shoulders: roll to the left or right",
-        "A: gripper  B: mark",
+        "left stick: forward, back, left, right  right and left trigger: up, down",
+        "right stick: turn to the left or right, tilt forward or back",
+        "shoulders: roll to the left or right  A: gripper  B: mark",
     )
 
 

@@ -38,7 +38,8 @@ def help_lines() -> tuple[str, ...]:
     moves = [f"{key}: {what}" for key, (_, _, what) in MOVES.items()]
     speeds = ", ".join(f"{key} {share:.0%}" for key, share in SPEEDS.items())
     buttons = [f"{key}: {what}" for key, (_, what) in BUTTONS.items()]
-    return ("  ".join(moves[:6]), "  ".join(moves[6:]), "  ".join([*buttons, f"speed: {speeds}"]))
+    parts = (moves[:6], moves[6:10], [*moves[10:], *buttons], [f"speed: {speeds}"])  # None wider than a small terminal.
+    return tuple("  ".join(part) for part in parts)
 
 
 @runtime_checkable
@@ -106,9 +107,14 @@ class Keyboard:
             )
         self._keys, self._holds = keys, holds or Holds()
         self._until_ns: dict[str, int] = {}  # Keys that count as held, and until when.
-        self._speed = SPEEDS["1"]  # With which a newcomer lands without a blow.
+        self._speed = "1"  # With which a newcomer lands without a blow.
         self._reported = (0,) * 7
         self._t_ns, self._closed = 0, False
+
+    @property
+    def speed(self) -> tuple[str, float]:
+        """The key that chose it, and its share of full speed."""
+        return self._speed, SPEEDS[self._speed]
 
     def read(self, now_ns: int) -> Reading:
         """Take in the keys since the last read."""
@@ -121,7 +127,7 @@ class Keyboard:
         for name in self._until_ns:
             if name in MOVES:
                 axis, sense, _ = MOVES[name]
-                counts[axis] += round(sense * self._speed * FULL_SCALE_COUNTS)
+                counts[axis] += round(sense * SPEEDS[self._speed] * FULL_SCALE_COUNTS)
             else:
                 buttons |= 1 << BUTTONS[name][0]
         said = (*counts.tolist(), buttons)
@@ -140,7 +146,7 @@ class Keyboard:
     def _take_in(self, key: Key, now_ns: int) -> None:
         if key.name in SPEEDS:
             if key.act == "press":
-                self._speed = SPEEDS[key.name]
+                self._speed = key.name
         elif key.act == "release":
             self._until_ns.pop(key.name, None)
         elif self._keys.has_releases:

@@ -4,6 +4,7 @@ import contextlib
 import importlib
 import pkgutil
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, Protocol, runtime_checkable
@@ -22,6 +23,7 @@ from wrenchflow.collect.devices.lerobot_actions import (
 from wrenchflow.collect.devices.newest import Newest
 from wrenchflow.errors import DeviceError, unknown
 
+_FIRST_S, _LOOK_S = 3.0, 0.01  # So long a first answer is waited for.
 _SILENT_NS = 500_000_000  # After that it begins anew: nobody knows where the hand went meanwhile.
 _MOST_FAILURES = 20  # In a row: a packet of a bus is lost now and then, a cable that was pulled stays pulled.
 
@@ -87,6 +89,26 @@ class LeRobotTeleoperator:
             pose: Of its target, T_base_tcp. Shape (7,).
         """
         self._follower = FollowerState(q_rad.copy(), pose.copy())
+
+    def require_there(self) -> None:
+        """Wait until its driver has answered once; one that waits itself, for whoever holds it, is not waited for.
+
+        Raises:
+            DeviceError: If it only fails: some drivers connect to what is not there, and say so when they are asked.
+        """
+        assert self._newest is not None  # It is not closed yet.
+        stop_s = time.monotonic() + _FIRST_S
+        while (news := self._newest.news).failures < _MOST_FAILURES and time.monotonic() < stop_s:
+            if news.number > news.failures:
+                return
+            if news.error is not None and not self._teleoperator.is_connected:
+                break
+            time.sleep(_LOOK_S)
+        if news.error is not None:
+            raise DeviceError(
+                f"the teleoperator '{self._label}' is connected to nothing ({_said(news.error)}): look at its cable, "
+                "its port or its app, and whether its driver works on this machine."
+            ) from news.error
 
     def read(self, now_ns: int) -> Reading:
         """What it gave last."""
@@ -154,8 +176,8 @@ def connect(
         full_scale: As of `LeRobotTeleoperator`.
 
     Raises:
-        DeviceError: If there is none of that name, if its settings are others, or if it cannot be connected or was
-            never calibrated; the message says what to do.
+        DeviceError: If there is none of that name, if its settings are others, or if it cannot be connected, was
+            never calibrated or only fails when it is asked; the message says what to do.
     """
     # Drivers talk to a person on stdout, where results go.
     with contextlib.redirect_stdout(sys.stderr):
@@ -187,6 +209,11 @@ def connect(
             teleoperator = make_teleoperator_from_config(config)
             _connect(teleoperator)
         except Exception as error:  # Every driver has errors of its own, and all mean that there is no device.
+            # What is missing is wrapped by who makes it, or not.
+            missing = next((each for each in (error, error.__cause__) if isinstance(each, ImportError)), None)
+            if missing is not None:
+                said = f"the driver of the teleoperator '{kind}' is not installed: {_said(missing)}."
+                raise DeviceError(said) from error
             raise DeviceError(
                 f"the teleoperator '{kind}' cannot be connected ({_said(error)}): look at its cable, its port and who "
                 "may read it (`lerobot-find-port` helps), and connect it again."
@@ -198,7 +225,19 @@ def connect(
                 f"the teleoperator '{kind}' was never calibrated: run lerobot-calibrate --teleop.type={kind} with the "
                 "same settings first."
             )
-    return LeRobotTeleoperator(teleoperator, held=held, leader=leader, full_scale=full_scale)
+        try:
+            device = LeRobotTeleoperator(teleoperator, held=held, leader=leader, full_scale=full_scale)
+        except BaseException:
+            with contextlib.suppress(Exception):  # Likewise.
+                teleoperator.disconnect()
+            raise
+        try:
+            device.require_there()
+        except BaseException:
+            with contextlib.suppress(Exception):  # Likewise.
+                device.close()
+            raise
+    return device
 
 
 def _load_kinds() -> None:

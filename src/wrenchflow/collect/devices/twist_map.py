@@ -1,10 +1,9 @@
 """How a device's axes become a twist of the target, as a person sets it; `collect.follow` does it."""
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
-from wrenchflow.config import require_positive
+from wrenchflow.config import require_between
 from wrenchflow.errors import ConfigError
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz", "-x", "-y", "-z", "-rx", "-ry", "-rz"]
@@ -33,12 +32,11 @@ class TwistMap:
     def __post_init__(self) -> None:
         if not 0.0 <= self.deadzone < 1.0:
             raise ConfigError(f"a twist map takes a deadzone from 0 to below 1, got {self.deadzone:g}.")
-        if not (0.0 < self.linear_max_m_s < math.inf and 0.0 < self.angular_max_rad_s < math.inf):
-            raise ConfigError(
-                f"a twist map takes speeds above 0, got {self.linear_max_m_s:g} m/s and "
-                f"{self.angular_max_rad_s:g} rad/s."
-            )
-        require_positive(dead_man_s=self.dead_man_s)
+        # As far as `control.speed_max_m_s` and `control.turn_max_rad_s` go: no target may be faster anyway.
+        require_between(0.001, 3.0, **{"twist_map.linear_max_m_s": self.linear_max_m_s})
+        require_between(0.005, 4.0, **{"twist_map.angular_max_rad_s": self.angular_max_rad_s})
+        # A device that is gone for longer is no device that a person stands beside and waits for.
+        require_between(0.005, 1.0, **{"twist_map.dead_man_s": self.dead_man_s})
         if sorted(self.axis_numbers) != list(range(6)):
             raise ConfigError(f"a twist map takes each of {', '.join(AXES)} once, got {', '.join(self.axes)}.")
 
