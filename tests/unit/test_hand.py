@@ -233,3 +233,146 @@ def test_a_bow_goes_aside_and_comes_back():
     np.testing.assert_allclose(wanted[-1], straight[-1], atol=1e-12)
     aside = np.linalg.norm(off, axis=1)
     assert 0.1 < aside.max() / np.linalg.norm(record["stroke_to"] - start) <= 0.3 * (1.0 + 1e-9)
+
+
+ABOVE_M = GOAL_M + [0.03, -0.04, 0.06]
+
+
+def puck(profile, start_m, periods, *, seed=0, change=None):
+    """What a hand does to the puck of an arm that cannot move, period by period. Shape (n, 6)."""
+    person = Person(profile, start_m, seed=seed, periods=periods, stuck=True)
+    if change is not None:
+        change(person)
+    return np.array([person.period(3.0) for _ in range(periods)])
+
+
+def test_the_noise_of_a_hand_grows_with_what_it_does():
+    def deflect(share):
+        def change(person):
+            person.hand["grip_s"] = 1e9  # Nothing but what is set here is meant.
+            person.hand["hand_s"] = 1e9
+            person.hand["deflection"] = share
+
+        return change
+
+    spread = [
+        puck(replace(EXACT, motor_noise=0.1), OFF_M, 4000, change=deflect(share)).std(0) for share in (0.0, 0.2, 0.4)
+    ]
+    np.testing.assert_allclose(spread[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(spread[2], 2.0 * spread[1], rtol=0.03)
+    # The deadzone takes its share of full deflection from what the hand does beyond it.
+    np.testing.assert_allclose(spread[1] / 0.2, 0.1 * (1.0 - EMULATED.twist_map.deadzone), rtol=0.25)
+
+
+def test_the_noise_of_a_hand_lasts_for_some_periods_and_is_of_its_own_on_each_axis():
+    def deflect(person):
+        person.hand["grip_s"], person.hand["hand_s"], person.hand["deflection"] = 1e9, 1e9, 0.4
+
+    noise = puck(replace(EXACT, motor_noise=0.1), OFF_M, 8000, change=deflect)
+    noise -= noise.mean(0)
+    lag = 4
+    kept = (noise[:-lag] * noise[lag:]).mean(0) / (noise**2).mean(0)
+    # An Ornstein-Uhlenbeck process of 50 ms.
+    np.testing.assert_allclose(kept, np.exp(-lag * PERIOD_S / 0.05), atol=0.12)
+    between = np.corrcoef(noise.T) - np.eye(6)
+    assert np.abs(between).max() < 0.2
+
+
+def test_what_is_meant_for_one_axis_leaks_into_the_others_by_the_hands_own_matrix():
+    shares = np.zeros((6, 6))
+
+    def deflect(person):
+        person.hand["grip_s"], person.hand["hand_s"] = 1e9, 1e9
+        person.hand["deflection"] = [0.3, 0.0, 0.0, 0.0, 0.0, 0.0]
+        shares[:] = person.hand["crosstalk"][0]
+
+    leaked = puck(replace(EXACT, crosstalk=0.2), OFF_M, 2, change=deflect)[-1]
+    dead = EMULATED.twist_map.deadzone
+    meant = 0.3 * (np.eye(6) + shares)[:, 0]
+    np.testing.assert_allclose(leaked, (1.0 - dead) * meant + dead * np.tanh(meant / 0.005), atol=1e-6)
+    assert (np.abs(shares - np.diag(np.diag(shares))).sum(1) > 0.0).all()
+
+
+@pytest.mark.parametrize(("trait", "value"), [("feel_noise", 0.08), ("eye_m", 0.0004)])
+def test_feeling_and_eye_err_slowly_and_by_as_much_as_the_profile_says(trait, value):
+    periods, lag = 16000, 20
+    person = Person(replace(EXACT, **{trait: value}), OFF_M, periods=periods, stuck=True)
+    seen = []
+    for _ in range(periods):
+        person.period(5.0)
+        record = person.hand[0]["seen"]
+        # With an eye that errs the tool seems to be elsewhere; with a feeling that errs, the press another one.
+        seen.append([record["wrench"][2] / 5.0, record["wrench_slow"][2] / 5.0, *record["x"][:2]])
+    seen = np.array(seen)[1000:]
+    seen -= seen.mean(0)
+    erring, exact = (seen[:, :2], seen[:, 2:]) if trait == "feel_noise" else (seen[:, 2:], seen[:, :2])
+    np.testing.assert_allclose(erring.std(0), value, rtol=0.35)
+    np.testing.assert_allclose(exact, 0.0, atol=1e-6)
+    kept = (erring[:-lag] * erring[lag:]).mean(0) / (erring**2).mean(0)
+    np.testing.assert_allclose(kept, np.exp(-lag * PERIOD_S / 0.5), atol=0.1)
+
+
+def test_a_press_is_felt_at_once_and_a_steady_one_is_judged_over_50_ms():
+    person = Person(EXACT, OFF_M, stuck=True)
+    for _ in range(100):
+        person.period(2.0)
+    fast, slow = [], []
+    for _ in range(100):
+        person.period(8.0)
+        fast.append(person.hand[0]["seen"]["wrench"][2])
+        slow.append(person.hand[0]["seen"]["wrench_slow"][2])
+    rises = int(np.argmax(np.array(fast) > 5.0))
+    assert fast[rises] == pytest.approx(8.0)
+    assert slow[rises] < 4.0
+    # A first-order lag of 50 ms.
+    assert slow[rises + 10] == pytest.approx(8.0 - 6.0 * np.exp(-1.0), abs=0.4)
+    assert slow[-1] == pytest.approx(8.0, abs=0.1)
+
+
+def test_who_may_miss_falls_short_and_ends_beside_as_far_as_the_profile_says():
+    ends = []
+    for seed in range(80):
+        person = Person(replace(EXACT, stroke_miss=0.1), ABOVE_M, seed=seed, periods=2)
+        person.period()
+        ends.append(person.hand[0]["stroke_to"].copy())
+    aims = stroke_of(EXACT, ABOVE_M)[2]["stroke_to"]
+    way = aims - ABOVE_M
+    off = np.array(ends) - (ABOVE_M + 0.75 * way)
+    # A quarter of the way is left, and what is missed is a tenth of it on each axis.
+    np.testing.assert_allclose(off.mean(0), 0.0, atol=0.035 * np.linalg.norm(way))
+    np.testing.assert_allclose(off.std(0), 0.1 * np.linalg.norm(way), rtol=0.3)
+
+
+def test_a_hand_rests_between_two_strokes():
+    person = Person(replace(EXACT, stroke_miss=0.06, stroke_rest_s=0.3), ABOVE_M, periods=800)
+    active = []
+    for _ in range(800):
+        person.period()
+        active.append((int(person.hand[0]["strokes"]), bool(person.hand[0]["is_stroke"])))
+        if active[-1][0] == 2:
+            break
+    assert active[-1][0] == 2
+    rested = sum(1 for strokes, is_stroke in active if strokes == 1 and not is_stroke)
+    assert rested * PERIOD_S == pytest.approx(0.3, abs=0.02)
+
+
+def test_counts_are_the_nearest_whole_numbers_of_what_the_puck_does():
+    person = Person(PROFILES["novice"], ABOVE_M)
+    for _ in range(200):
+        physical = person.period()
+        record, teleop = person.hand[0], person.teleop[0]
+        said = record["counts"][teleop["axis"]] * teleop["sign"]
+        exact = np.clip(physical, -1.0, 1.0) * teleop["full_scale"]
+        assert np.abs(said - exact).max() <= 0.5 + 1e-9
+
+
+def test_an_arm_is_disturbed_on_each_axis_by_as_much_as_is_configured():
+    person = Person(EXACT, OFF_M, periods=16000, stuck=True)
+    person.hand["disturbance_m"], person.hand["disturbance_s"] = 0.0003, 0.2
+    moved = []
+    for _ in range(16000):
+        person.period(3.0)
+        moved.append(person.teleop["x_offset"][0].copy())
+    moved = np.array(moved)
+    np.testing.assert_allclose(moved.std(0), 0.0003, rtol=0.2)
+    assert np.abs(np.corrcoef(moved.T) - np.eye(3)).max() < 0.25

@@ -18,6 +18,8 @@ from wrenchflow.sim.attempt import Attempt
 
 # The arm and the wrist of whoever leads.
 HAND_N_M, HAND_N_S_M, WRIST_NM_RAD, WRIST_NM_S_RAD = 450.0, 25.0, 18.0, 0.8
+# Of the force that a landing tool comes to rest with, what is taken for a contact.
+_TOUCH_SHARE = 0.7
 
 
 class GuidingDriver:
@@ -34,6 +36,7 @@ class GuidingDriver:
             config: How fast a hand moves at most, by the map of devices.
             periods: How many there may be.
         """
+        hand["skill"]["touch_n"] = np.minimum(hand["skill"]["touch_n"], _TOUCH_SHARE * _resting_n(hand["skill"]))
         self._hand, self._chance = hand, stand_before(attempt, hand, periods)
         ticks = round(1000 / config.device_hz)
         start = attempt.controller.target_pose
@@ -66,6 +69,15 @@ class GuidingDriver:
 
     def look_back(self, attempt: Attempt, first: int) -> None:
         """The hand feels by itself."""
+
+
+def _resting_n(skill: np.ndarray) -> np.ndarray:
+    """Press of a tool that has landed, and on which nobody leans yet [N]: the lead of a landing on the hand's spring.
+
+    The hand is softer than the arm would be. Whoever is slow rests with 0.6 N, and who waited for a newton of contact
+    would stand there, and never begin to search.
+    """
+    return skill["K_lin"] * skill["landing_m_s"] * skill["lag_s"]
 
 
 def led_by(config: CollectConfig) -> Impedance:
