@@ -17,7 +17,7 @@ from wrenchflow.clock import Clock
 from wrenchflow.errors import CameraError, WrenchflowError, unknown
 from wrenchflow.recording.child import leave_signals_to_parent
 from wrenchflow.recording.images import jpeg
-from wrenchflow.recording.ring import Ring
+from wrenchflow.recording.ring import Ring, load_push
 
 PICTURES_WAITING = 8  # What a ring of pictures holds, at most.
 _OPEN_S = 60.0
@@ -121,7 +121,9 @@ def _run(job: _Job, control: Connection) -> None:
     said = f"the process of camera '{', '.join(feeds)}' ended by itself."
     try:
         job.camera.open(job.clock)
-        jpeg(np.zeros((8, 8, 3), np.uint8))  # What it takes is loaded now, and not while pictures wait.
+        # What a picture takes is loaded now, and not while pictures wait.
+        jpeg(np.zeros((8, 8, 3), np.uint8))
+        load_push()
         control.send("")
         control.recv()  # A picture that is taken before somebody writes would find its ring full.
         while not wait([control, parent.sentinel], 0):

@@ -79,6 +79,11 @@ def _give_back(counters, tail):
     counters[0].tail = tail
 
 
+def load_push() -> None:
+    """Load the code that stores rows, which takes up to a second, before there are any."""
+    _push(np.zeros(2 * _LINE + 8, np.uint8), np.zeros(8, np.uint8), 8)
+
+
 def _reserve(size: int) -> SharedMemory:
     """Shared memory that is there: where the system has promised more than it has, it ends whoever touches that."""
     memory: SharedMemory | None = None
