@@ -121,7 +121,9 @@ def test_files_of_foxglove_with_less_in_them_are_read_too(tmp_path, options):
     assert dict(read_episode(path).streams) == streams()
 
 
-@pytest.mark.parametrize("name", COMPRESSIONS)
+@pytest.mark.parametrize(
+    "name", [name if name == "zstd" else pytest.param(name, marks=pytest.mark.slow) for name in COMPRESSIONS]
+)
 def test_a_file_of_foxglove_cut_anywhere_is_saved_up_to_there(tmp_path, name):
     path, cut, saved = tmp_path / "theirs.mcap", tmp_path / "cut.mcap", tmp_path / "saved.mcap"
     write_foxglove(path, MCAPWriteOptions(compression=COMPRESSIONS[name], chunk_size=50_000))

@@ -94,8 +94,14 @@ def in_a_script(tmp_path: Path, failure: str) -> tuple[subprocess.CompletedProce
     return ran, path
 
 
-def test_every_picture_is_recorded_with_its_stamps_and_its_number(tmp_path):
-    ran, path = in_a_script(tmp_path, "")
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> tuple[subprocess.CompletedProcess, Path]:
+    """A run in which nothing goes wrong."""
+    return in_a_script(tmp_path_factory.mktemp("run"), "")
+
+
+def test_every_picture_is_recorded_with_its_stamps_and_its_number(run):
+    ran, path = run
     assert ran.returncode == 0, ran.stderr
     episode = read_episode(path)
     messages = episode.messages["camera/eye"]
@@ -116,8 +122,8 @@ def test_every_picture_is_recorded_with_its_stamps_and_its_number(tmp_path):
     assert validate(path).problems == ()
 
 
-def test_pictures_lie_in_chunks_of_their_own_which_are_not_compressed_again(tmp_path):
-    _, path = in_a_script(tmp_path, "")
+def test_pictures_lie_in_chunks_of_their_own_which_are_not_compressed_again(run):
+    _, path = run
     container = Container(path)
     (eye,) = (id for id, channel in container.channels.items() if channel.topic == "/camera/eye")
     with_pictures = [chunk for chunk in container.chunks if eye in container.index(chunk)]

@@ -96,7 +96,14 @@ def recorded(tmp_path):
     return run
 
 
-@pytest.mark.parametrize(("size", "ballast_after"), [("64k", NEVER), ("400k", NEVER), ("16m", 3000)])
+@pytest.mark.parametrize(
+    ("size", "ballast_after"),
+    [
+        pytest.param("64k", NEVER, marks=pytest.mark.slow),
+        ("400k", NEVER),
+        pytest.param("16m", 3000, marks=pytest.mark.slow),
+    ],
+)
 def test_a_disk_that_fills_up_is_told_and_the_loop_goes_on(recorded, size, ballast_after):
     said = recorded(size, ballast_after)
     assert "no space left on device" in said["error"]

@@ -120,12 +120,14 @@ def test_in_process(many):
     interrupted(many, process, some(many, "out.partial/*.mcap"), whole_group=True)
 
 
+@pytest.mark.slow
 def test_in_train(chain, tmp_path):
     train = ["train", chain.folder / "dataset", "out", "--steps", 1_000_000, "--metrics-every", 5, "--threads", 1]
     metrics = tmp_path / "out.partial" / "metrics.jsonl"
     interrupted(tmp_path, train, lambda: metrics.exists() and metrics.stat().st_size > 0, whole_group=True)
 
 
+@pytest.mark.slow
 def test_in_deploy(chain, tmp_path):
     deploy = ["deploy", chain.folder / "run", "out", "--episodes", 400, "--jobs", 2]
     # Its workers are loading torch then; in `collect` they are at work.

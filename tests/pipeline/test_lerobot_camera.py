@@ -90,6 +90,7 @@ def record(path: Path) -> None:
             time.sleep(0.002)
 
 
+@pytest.mark.slow
 def test_pictures_of_a_lerobot_camera_are_recorded_with_when_they_were_exposed(tmp_path):
     path = tmp_path / "e.mcap"
     ran = subprocess.run([sys.executable, __file__, str(path)], capture_output=True, text=True, check=False)

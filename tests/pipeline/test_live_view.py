@@ -96,6 +96,7 @@ def test_a_ring_that_nobody_drains_drops_and_counts(tmp_path):
     assert (tmp_path / "live.rrd").exists()
 
 
+@pytest.mark.slow
 def test_a_port_that_listens_but_is_no_viewer_disturbs_nobody():
     with (
         socket.create_server(("127.0.0.1", 0)) as other,

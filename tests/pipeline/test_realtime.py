@@ -113,7 +113,14 @@ def test_what_the_safety_layer_did_is_there_after_the_control_process_is_killed(
 GO_ON = "wrenchflow collect raw --episodes 2 --seed 3 --tare-s 0.5 --realtime --resume"
 
 
-@pytest.mark.parametrize(("number", "code"), [("SIGUSR1", 1), ("SIGTERM", 143), ("SIGINT", 130)])
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        pytest.param("SIGUSR1", 1, marks=pytest.mark.slow),
+        ("SIGTERM", 143),
+        pytest.param("SIGINT", 130, marks=pytest.mark.slow),
+    ],
+)
 def test_an_emergency_stop_by_signal_brakes_the_arm_and_completes_the_recording(tmp_path, number, code):
     command = [sys.executable, "-m", "wrenchflow", "collect", "raw", "--episodes", "2", "--seed", "3"]
     running = subprocess.Popen(

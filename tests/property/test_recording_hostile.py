@@ -187,7 +187,13 @@ def warm_up(folder: Path) -> None:
         outcome(folder / "warm.mcap")
 
 
-@pytest.mark.parametrize(("make", "is_read"), FILES.values(), ids=FILES)
+_SLOW = ("many_large_chunks", "window_of_gigabytes")
+
+
+@pytest.mark.parametrize(
+    ("make", "is_read"),
+    [pytest.param(*of, id=name, marks=[pytest.mark.slow] if name in _SLOW else []) for name, of in FILES.items()],
+)
 def test_memory_stays_bounded(tmp_path: Path, make: Callable[[Path], None], is_read: bool):
     path = tmp_path / "hostile.mcap"
     make(path)

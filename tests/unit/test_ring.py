@@ -94,7 +94,7 @@ def _consume(capacity: int, count: int) -> None:
     ring.unlink()
 
 
-@pytest.mark.parametrize("capacity", [64, 1 << 17])
+@pytest.mark.parametrize("capacity", [64, pytest.param(1 << 17, marks=pytest.mark.slow)])
 def test_between_processes_no_row_is_torn_doubled_or_out_of_order(capacity):
     # A script of its own, because what is spawned has to be imported by name, and tests are not.
     ran = subprocess.run(
