@@ -2,6 +2,7 @@
 
 import importlib.util
 import pkgutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +31,13 @@ _hook = install_import_hook(
 
 hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("reproducible")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _somebody_at_the_keyboard():
+    # A shell that runs tests in the background has them ignore Ctrl-C, and every command that they start with them.
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
