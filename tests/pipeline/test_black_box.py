@@ -23,7 +23,7 @@ from wrenchflow.errors import ControlError, OutputError, RecordingError
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.recover import recover
-from wrenchflow.recording.row_file import RowFile, read_row_file
+from wrenchflow.recording.row_file import make_row_file, read_row_file
 from wrenchflow.recording.validate import validate
 from wrenchflow.sim.attempt import episode_id
 from wrenchflow.sim.streams import ROWS
@@ -270,23 +270,25 @@ def test_the_rows_of_a_worker_that_is_killed_are_saved_by_who_started_it(tmp_pat
 def test_rows_that_somebody_fills_are_left_alone(tmp_path):
     folder = tmp_path / "raw.blackbox"
     folder.mkdir()
-    file = RowFile(folder / "e.rows", ROWS, 10, id="e", task="t", meta={})
+    path = folder / "e.rows"
+    rows = make_row_file(path, ROWS, 10, id="e", task="t", meta={})
     with pytest.raises(RecordingError, match="is being written right now"):
-        recover(file.path, tmp_path / "e.mcap")
+        recover(path, tmp_path / "e.mcap")
     with black_boxes(tmp_path / "raw"):
         pass
-    assert file.path.exists()
-    file.remove()
-    assert list(folder.iterdir()) == []
+    assert path.exists()
+    del rows
+    with black_boxes(tmp_path / "raw"):
+        assert not path.exists()
 
 
 def test_a_last_row_that_may_be_half_is_left_out_and_no_rows_are_no_recording(tmp_path):
     for stored, kept in ((0, None), (1, None), (2, 1), (7, 6), (10, 9)):
         path = tmp_path / f"{stored}.rows"
-        file = RowFile(path, ROWS, 10, id="e", task="t", meta={"seed": 1})
-        file.rows["t_ns"][:stored] = 1 + np.arange(stored) * 1_000_000
-        file.rows["joint_command"][:stored] = np.arange(stored)[:, None]
-        del file
+        rows = make_row_file(path, ROWS, 10, id="e", task="t", meta={"seed": 1})
+        rows["t_ns"][:stored] = 1 + np.arange(stored) * 1_000_000
+        rows["joint_command"][:stored] = np.arange(stored)[:, None]
+        del rows
         if kept is None:
             with pytest.raises(RecordingError, match="holds no row that is whole"):
                 recover(path, tmp_path / "out.mcap")
@@ -312,6 +314,26 @@ def test_what_is_no_file_of_rows_is_told_and_stays(tmp_path, damage):
     ]
 
 
+@pytest.mark.parametrize("is_there", [False, True])
+def test_ctrl_c_while_the_rows_are_made_leaves_nothing(tmp_path, monkeypatch, is_there):
+    move = os.replace
+
+    def interrupted(*paths: Path) -> None:
+        if is_there:
+            move(*paths)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("wrenchflow.recording.row_file.os.replace", interrupted)
+    with (
+        pytest.raises(KeyboardInterrupt) as raised,
+        black_boxes(tmp_path / "raw") as boxes,
+        BlackBox(boxes, ROWS, id="e", task="t", meta={}) as box,
+    ):
+        box.rows({}, 10)
+    assert not getattr(raised.value, "__notes__", [])
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_rows_whose_room_was_not_made_yet_are_nothing(tmp_path):
     folder = tmp_path / "raw.blackbox"
     folder.mkdir()
@@ -327,7 +349,7 @@ def test_where_there_is_no_room_for_rows_nothing_begins(tmp_path):
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
     try:
         with pytest.raises(OutputError, match=r"e\.rows cannot be made, with room for \d+ bytes: file too large\."):
-            RowFile(tmp_path / "e.rows", ROWS, 10_000, id="e", task="t", meta={})
+            make_row_file(tmp_path / "e.rows", ROWS, 10_000, id="e", task="t", meta={})
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, heard)

@@ -18,7 +18,7 @@ from wrenchflow.clock import SECOND_NS
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import WrenchflowError
 from wrenchflow.recording import row_file
-from wrenchflow.recording.row_file import RowFile, is_being_filled, read_row_file
+from wrenchflow.recording.row_file import is_being_filled, make_row_file, read_row_file
 from wrenchflow.recording.write import write_episode
 from wrenchflow.source import Source
 
@@ -54,7 +54,7 @@ class BlackBox:
         """
         self.tell: Callable[[], Episode] | None = None
         self._folder, self._source, self._id, self._task, self._meta = folder, source, id, task, dict(meta)
-        self._file: RowFile | None = None
+        self._path: Path | None = None
 
     def rows(self, meta: Mapping[str, Any], capacity: int) -> Any:
         """Where the rows of the attempt are to be stored, an array of the source's dtype.
@@ -67,9 +67,10 @@ class BlackBox:
             OutputError: If there is no room for them.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
-        path, known = self._folder / f"{self._id}{row_file.SUFFIX}", {**self._meta, **meta}
-        self._file = RowFile(path, self._source, capacity, id=self._id, task=self._task, meta=known)
-        return self._file.rows
+        # Known before it is there: Ctrl-C may come while it is made.
+        self._path = self._folder / f"{self._id}{row_file.SUFFIX}"
+        known = {**self._meta, **meta}
+        return make_row_file(self._path, self._source, capacity, id=self._id, task=self._task, meta=known)
 
     def __enter__(self) -> "BlackBox":
         return self
@@ -77,17 +78,17 @@ class BlackBox:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._file is None:
+        if self._path is None or not self._path.exists():
             return
         if error is not None:
             try:
-                episode = self._told(error) or read_row_file(self._file.path)
+                episode = self._told(error) or read_row_file(self._path)
                 if episode.streams:
                     _write(self._folder, episode, f"{type(error).__name__}: {error}".removesuffix(": "))
             except (WrenchflowError, OSError) as problem:
                 error.add_note(f"The black box of {self._id} could not be written: {problem}")
                 return  # The rows stay where they are.
-        self._file.remove()
+        self._path.unlink(missing_ok=True)
 
     def _told(self, error: BaseException) -> Episode | None:
         try:

@@ -33,64 +33,55 @@ _ZEROS = bytes(1 << 20)
 _WRITTEN_ROWS = 10_000
 
 
-class RowFile:
-    """A file of rows that is being filled.
+def make_row_file(
+    path: Path, source: Source, capacity: int, *, id: str, task: str, meta: Mapping[str, Any]
+) -> np.ndarray:
+    """Make a file of rows, with room for all of them: nothing is lost if the disk fills up later.
 
-    Attributes:
-        path: Where it is.
-        rows: All of them, zero where nothing was stored yet.
+    Args:
+        path: Where it goes; one that is there is replaced.
+        source: What a row is. No stamp is zero.
+        capacity: How many rows there may be.
+        id: Name of the episode.
+        task: The task that is attempted.
+        meta: JSON values that are known at the start.
+
+    Returns:
+        All of its rows, zero where nothing was stored yet. Shape (capacity,).
+
+    Raises:
+        OutputError: If there is no room, or the folder cannot be written to.
     """
-
-    def __init__(
-        self, path: Path, source: Source, capacity: int, *, id: str, task: str, meta: Mapping[str, Any]
-    ) -> None:
-        """Make the file, with room for all rows: nothing is lost if the disk fills up later.
-
-        Args:
-            path: Where it goes; one that is there is replaced.
-            source: What a row is. No stamp is zero.
-            capacity: How many rows there may be.
-            id: Name of the episode.
-            task: The task that is attempted.
-            meta: JSON values that are known at the start.
-
-        Raises:
-            OutputError: If there is no room, or the folder cannot be written to.
-        """
-        self.path = path
-        columns = [asdict(column) for column in source.columns]
-        head = {"id": id, "task": task, "meta": dict(meta), "columns": columns}
-        text = json.dumps({**head, "dtype": npy.dtype_to_descr(source.dtype)}).encode()
-        offset = _offset(len(text))
-        size = offset + capacity * source.dtype.itemsize
-        partial = path.with_name(path.name + ".partial")
-        try:
-            with partial.open("w+b") as file:
-                # The mapping holds the lock for as long as it lives: who finds the file until then lets it be.
-                fcntl.flock(file, fcntl.LOCK_EX)
-                # The first rows are written and not only reserved: to touch a page first costs a tenth where it is
-                # there already. Of an attempt that may last a minute most rows are never used.
-                reserves = hasattr(os, "posix_fallocate")
-                written = min(size, offset + _WRITTEN_ROWS * source.dtype.itemsize) if reserves else size
-                for start in range(0, written, len(_ZEROS)):
-                    file.write(_ZEROS[: written - start])
-                file.flush()
-                if reserves:
-                    os.posix_fallocate(file.fileno(), 0, size)
-                file.seek(0)
-                file.write(MAGIC + _LENGTH.pack(len(text)) + text)
-                file.flush()
-                memory = mmap.mmap(file.fileno(), size)
-            os.replace(partial, path)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            why = (error.strerror or str(error)).lower()
-            raise OutputError(f"{path} cannot be made, with room for {size} bytes: {why}.") from error
-        self.rows = np.frombuffer(memory, source.dtype, capacity, offset)
-
-    def remove(self) -> None:
-        """Remove the file; the rows stay for as long as somebody holds them."""
-        self.path.unlink(missing_ok=True)
+    columns = [asdict(column) for column in source.columns]
+    head = {"id": id, "task": task, "meta": dict(meta), "columns": columns}
+    text = json.dumps({**head, "dtype": npy.dtype_to_descr(source.dtype)}).encode()
+    offset = _offset(len(text))
+    size = offset + capacity * source.dtype.itemsize
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with partial.open("w+b") as file:
+            # The mapping holds the lock for as long as it lives: who finds the file until then lets it be.
+            fcntl.flock(file, fcntl.LOCK_EX)
+            # The first rows are written and not only reserved: to touch a page first costs a tenth where it is
+            # there already. Of an attempt that may last a minute most rows are never used.
+            reserves = hasattr(os, "posix_fallocate")
+            written = min(size, offset + _WRITTEN_ROWS * source.dtype.itemsize) if reserves else size
+            for start in range(0, written, len(_ZEROS)):
+                file.write(_ZEROS[: written - start])
+            file.flush()
+            if reserves:
+                os.posix_fallocate(file.fileno(), 0, size)
+            file.seek(0)
+            file.write(MAGIC + _LENGTH.pack(len(text)) + text)
+            file.flush()
+            memory = mmap.mmap(file.fileno(), size)
+        os.replace(partial, path)
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise OutputError(f"{path} cannot be made, with room for {size} bytes: {why}.") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return np.frombuffer(memory, source.dtype, capacity, offset)
 
 
 def is_being_filled(path: Path) -> bool:
