@@ -143,7 +143,7 @@ class Collect(Stage):
         from wrenchflow.compiled import is_cold
 
         if is_cold(*kernels_of(self.config)):
-            logging.getLogger("wrenchflow").warning("compiling the 1 kHz loop: about a minute, this once.")
+            logging.getLogger("wrenchflow").warning("compiling the 1 kHz loop: one to three minutes, this once.")
         done, coverage = [], empty_coverage(self.config.task, self.config.rig)
         with choose_board(self.config, has_sound=self.sound) as board:
             for shown in collect_folder(
@@ -167,6 +167,8 @@ class Collect(Stage):
             "tares_refused": sum(len(demonstration.refused) for demonstration in done),
             "coverage": coverage.to_mapping(),
         }
+        if len(done) < self.config.episodes:
+            told["to_go"] = self.config.episodes - len(done)
         if self.config.is_paced:
             told["late_ticks"] = sum(demonstration.late_ticks for demonstration in done)
             told["lost"] = sum(demonstration.lost for demonstration in done)

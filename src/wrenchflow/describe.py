@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,6 +65,7 @@ def _recording(path: Path) -> dict[str, Any]:
         "duration_s": round(info.duration_s, 3),
         "size_bytes": info.size_bytes,
         "chunks": dict(info.chunks),
+        "by": _by(info.meta),
         "result": info.meta.get("result"),
         "safety": info.meta.get("safety"),
         "plans": info.meta.get("plans"),
@@ -74,6 +76,18 @@ def _recording(path: Path) -> dict[str, Any]:
         },
         "attachments": {name: asdict(attached) for name, attached in sorted(info.attachments.items())},
     }
+
+
+def _by(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """Who demonstrated, with what, and from which seed; nothing where a recording does not say so as ours do."""
+    person, device, seed = meta.get("person"), meta.get("device"), meta.get("seed")
+    told = {
+        "operator": meta.get("operator"),
+        "profile": person.get("profile") if isinstance(person, Mapping) else None,
+        "device": device.get("name") if isinstance(device, Mapping) else None,
+        "seed": seed[0] if isinstance(seed, list) and seed else seed,
+    }
+    return {key: value for key, value in told.items() if value is not None}
 
 
 def _topic(topic: "TopicInfo") -> dict[str, Any]:
@@ -110,6 +124,7 @@ def _folder(path: Path) -> dict[str, Any]:
         "files": len(files),
         "recordings": sum(file.suffix == ".mcap" for file in files),
         "size_bytes": sum(file.stat().st_size for file in files),
+        **_chosen(manifest["config"]),
         "seed": manifest["seed"],
         "versions": manifest["versions"],
     }
@@ -118,6 +133,11 @@ def _folder(path: Path) -> dict[str, Any]:
     if (path / "policy.json").exists():
         described["policy"] = _policy(path)
     return described
+
+
+def _chosen(config: Mapping[str, Any]) -> dict[str, Any]:
+    """What a person first wants to know of how a folder was made."""
+    return {key: config[key] for key in ("task", "operator", "profiles", "rig") if config.get(key)}
 
 
 def _evaluation(path: Path) -> dict[str, Any]:

@@ -90,14 +90,15 @@ def read_json(path: Path) -> Any:
 
 @contextmanager
 def output_folder(
-    path: Path, *, overwrite: bool = False, resume: bool = False, reads: Iterable[Path] = (), mark: str = NAME
+    path: Path, *, overwrite: bool = False, resume: bool | None = None, reads: Iterable[Path] = (), mark: str = NAME
 ) -> Iterator[Path]:
     """Make a folder as `<name>.partial`, and rename it when the block ends well.
 
     Args:
         path: Where the finished folder goes.
         overwrite: Replace a folder of ours that is there, once the new one is whole; nothing else is ever replaced.
-        resume: Go on with what is there, finished or not: a finished folder is a partial one until the block ends.
+        resume: Go on with what is there, finished or not: a finished folder is a partial one until the block ends. None
+            of a stage that cannot, which an error's advice then leaves out.
         reads: What the stage reads, which must not lie in what it replaces.
         mark: A file, relative to the folder, that tells a folder of ours from anybody else's.
 
@@ -109,12 +110,17 @@ def output_folder(
             an interrupted run left there what cannot be made again, which a file called `KEEP` says.
     """
     target = path.resolve()
-    _require_replaceable(path, target, overwrite or resume, reads, mark)
+    _require_free(path, target, reads)
+    if is_taken(target):
+        _require_ours(path, target, mark)
+        if not (overwrite or resume):
+            goes_on = "" if resume is None else "pass --resume to go on with it, "
+            raise OutputError(f"output '{path}' exists already. Choose another place, {goes_on}or pass --overwrite.")
     partial = partial_of(target)
     begun = target if resume and target.exists() else partial
     if begun == target and partial.exists():
         raise OutputError(f"both '{path}' and '{partial}' are there, and only one can be gone on with: move one away.")
-    with _held(path, begun, overwrite=overwrite, resume=resume):
+    with _held(path, begun, overwrite=overwrite, resume=bool(resume)):
         if begun == target:
             os.replace(target, partial)
         yield partial
@@ -135,17 +141,23 @@ def partial_of(path: Path) -> Path:
     return path.with_name(path.name + ".partial")
 
 
-def _require_replaceable(path: Path, target: Path, overwrite: bool, reads: Iterable[Path], mark: str) -> None:
+def is_taken(path: Path) -> bool:
+    """Whether there is something at a path that would be lost; an empty folder is nothing."""
+    return path.exists() and not (path.is_dir() and not any(path.iterdir()))
+
+
+def _require_free(path: Path, target: Path, reads: Iterable[Path]) -> None:
     if Path.cwd().is_relative_to(target):
         raise OutputError(f"output '{path}' is the folder that this runs in, or one above it. Choose another place.")
     for read in reads:
         if read.resolve().is_relative_to(target):
             raise OutputError(f"output '{path}' would replace what is read, '{read}'. Choose another place.")
-    if not target.exists():
-        return
-    if not overwrite:
-        raise OutputError(f"output '{path}' exists already. Choose another place, or pass --overwrite.")
-    if not target.is_dir() or (any(target.iterdir()) and not (target / mark).exists()):
+
+
+def _require_ours(path: Path, target: Path, mark: str) -> None:
+    if not target.is_dir():
+        raise OutputError(f"output '{path}' is a file. Choose another place.")
+    if not (target / mark).exists():
         raise OutputError(f"output '{path}' is no folder that wrenchflow made: it has no {mark}. Choose another place.")
 
 

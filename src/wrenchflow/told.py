@@ -23,8 +23,10 @@ def result_lines(result: Mapping[str, Any], indent: str = "") -> list[str]:
 
 def collect_lines(result: Mapping[str, Any]) -> list[str]:
     """What `collect` recorded, and how much of what can happen that has shown."""
-    plain = {key: value for key, value in result.items() if key not in ("coverage", "out")}
-    return result_lines({**plain, **coverage_told(result["coverage"]), "out": result["out"]})
+    plain = {key: value for key, value in result.items() if key not in ("coverage", "out", "to_go")}
+    lines = result_lines({**plain, **coverage_told(result["coverage"]), "out": result["out"]})
+    to_go = result.get("to_go")
+    return [*lines, f"{to_go} to go: the same command with --resume goes on."] if to_go else lines
 
 
 def _said(value: Any) -> str:
@@ -87,6 +89,7 @@ def recording_lines(found: Mapping[str, Any]) -> list[str]:
         "duration": f"{found['duration_s']:.3f} s",
         "size": f"{found['size_bytes'] / 1e6:.3f} MB",
         "chunks": ", ".join(f"{count} {name}" for name, count in found["chunks"].items()) or None,
+        **({"by": _pairs(found["by"])} if found["by"] else {}),
         "result": _pairs(found["result"]),
         **_safety(found["safety"]),
         **_plans(found["plans"]),
@@ -147,7 +150,10 @@ def _plans(said: Any) -> dict[str, str]:
 
 
 def _pairs(value: Any) -> str:
-    return ", ".join(f"{key} {_said(of)}" for key, of in value.items()) if isinstance(value, Mapping) else _said(value)
+    """A mapping in one line; what is empty is left out."""
+    if not isinstance(value, Mapping):
+        return _said(value)
+    return ", ".join(f"{key} {_said(of)}" for key, of in value.items() if of != "")
 
 
 def _rate(rate_hz: float | None) -> str:

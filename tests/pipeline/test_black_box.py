@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 
@@ -332,6 +333,33 @@ def test_ctrl_c_while_the_rows_are_made_leaves_nothing(tmp_path, monkeypatch, is
         box.rows({}, 10)
     assert not getattr(raised.value, "__notes__", [])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("end", "why"),
+    [
+        (KeyboardInterrupt(), "the stage that it was part of ended: KeyboardInterrupt"),
+        (OutputError("no room."), "the stage that it was part of ended: OutputError: no room."),
+        (BrokenProcessPool("somebody died"), "the process that ran it died"),
+    ],
+)
+def test_rows_that_a_worker_left_say_why_it_ended(tmp_path, caplog, end, why):
+    def work() -> None:
+        with black_boxes(tmp_path / "raw") as boxes:
+            boxes.mkdir()
+            make_row_file(boxes / "e.rows", ROWS, 10, id="e", task="t", meta={})["t_ns"][:5] = 1 + np.arange(5)
+            raise end
+
+    with pytest.raises(type(end)):
+        work()
+    box = the_only(tmp_path / "raw.blackbox")
+    assert read_episode(box).meta["result"]["failure"] == why
+    assert not caplog.messages
+    with black_boxes(tmp_path / "raw"):
+        pass
+    assert caplog.messages == [
+        f"'{box.parent}' holds 1 of earlier runs' black boxes; it is not needed for anything else."
+    ]
 
 
 def test_rows_whose_room_was_not_made_yet_are_nothing(tmp_path):

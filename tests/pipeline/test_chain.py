@@ -95,6 +95,8 @@ def test_info_says_what_a_recording_holds(chain, wrenchflow, stage):
     assert (about["kind"], about["task"], about["id"]) == ("recording", "peg-insertion", path.stem)
     assert ("/wrench" in about["topics"]) == (stage == "clean")
     assert about["topics"]["/wrench_raw"]["rate_hz"] == 1000.0
+    by = {"seed": 0} if stage == "rollouts" else {"operator": "scripted", "device": "emulated-spacemouse", "seed": 5}
+    assert about["by"] == by
 
 
 def test_a_recording_replays_to_its_own_bits(chain, wrenchflow):

@@ -11,7 +11,7 @@ from wrenchflow.collect.devices.device import Reading
 from wrenchflow.collect.folder import collect_folder
 from wrenchflow.collect.follow import Follower
 from wrenchflow.collect.operators_table import require_operator
-from wrenchflow.collect.session import Session, demonstrate
+from wrenchflow.collect.session import Session, _starts_of, demonstrate
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.controller import Controller
 from wrenchflow.errors import CalibrationError, ConfigError, OutputError
@@ -77,6 +77,19 @@ def test_phases_follow_each_other_from_tare_to_insertion(episodes):
         tare = phases[0]
         at_rest = episode["joint_states"].between(tare.start_ns, tare.stop_ns).data[:, 7:14]
         assert np.abs(at_rest.mean(0)).max() < 1e-3
+
+
+def test_a_phase_that_comes_back_at_once_was_never_left():
+    for phases, starts in (
+        ("aaaa", [0]),
+        ("aabb", [0, 2]),
+        ("aaabaaa", [0]),
+        ("aaabbbaaa", [0, 3, 6]),  # Too long for noise.
+        ("aaabcccc", [0, 3, 4]),  # Short, but on the way to somewhere else.
+        ("aaababab", [0, 7]),  # What is last is not known to come back.
+        ("abaaa", [0]),
+    ):
+        assert _starts_of(np.array([ord(each) for each in phases]), 2) == starts, phases
 
 
 def test_what_is_perceived_is_not_what_is_true(episodes):

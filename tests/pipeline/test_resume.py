@@ -88,9 +88,15 @@ def test_another_configuration_is_refused_and_named_and_nothing_is_touched(tmp_p
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
-        (("--episodes", 2, "--resume"), "holds 4 episodes, up to number 3, expected 2 at most."),
+        (
+            ("--episodes", 2, "--resume"),
+            "counted from 0: expected --episodes 4 at least, got 2.",
+        ),
         (("--episodes", 5, "--resume", "--overwrite"), "pass one of them."),
-        (("--episodes", 5), "exists already."),
+        (
+            ("--episodes", 5),
+            "Choose another place, pass --resume to go on with it, or pass --overwrite.",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(wrenchflow, whole, flags, said):

@@ -356,7 +356,8 @@ def test_a_device_that_is_not_there_leaves_nothing_behind(tmp_path, wrenchflow):
         (("replay",), "give --device.recording"),
         (("lerobot",), "give --device.kind"),
         (("lerobot", "--device.kind", "so101_leader", "--device.settings", "port=/dev/no-tty"), "is not installed: "),
-        (("lerobot", "--device.kind", "phone", "--device.settings", "colour=red"), "does not take the settings"),
+        (("lerobot", "--device.kind", "phone", "--device.settings", "colour=red"), "unknown setting 'colour'"),
+        (("lerobot", "--device.kind", "so101_leader"), "'so101_leader' needs port. Its settings are port, "),
     ):
         ran = wrenchflow("collect", tmp_path / "raw", "--operator", *flags, "--episodes", 1)
         assert ran.code == 1
@@ -377,6 +378,20 @@ def test_a_device_that_goes_between_being_found_and_being_read_leaves_nothing_be
     assert "has gone (read error)" in ran.stderr
     assert wire.is_closed
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_has_speeds_begins_each_attempt_at_the_slowest(session):
+    class Fast(Puppet):
+        """One that is set to full speed in every attempt."""
+
+        speed, slowed = ("4", 1.0), 0
+
+        def slow_down(self):
+            self.slowed += 1
+
+    device = Fast()
+    session(device=device)
+    assert device.slowed == CONFIG.episodes
 
 
 def test_a_recording_is_played_again_report_for_report(tmp_path, wrenchflow):

@@ -30,6 +30,18 @@ def test_a_key_moves_its_axis_by_the_speed(has_releases):
             assert device.read(S).counts.tolist() == expected
 
 
+def test_an_attempt_begins_at_the_slowest_speed():
+    typist = Typist()
+    device = Keyboard(typist)
+    slowest = min(SPEEDS, key=lambda key: SPEEDS[key])
+    assert device.speed == (slowest, SPEEDS[slowest])
+    typist.press("4")
+    device.read(S)
+    assert device.speed == ("4", SPEEDS["4"])
+    device.slow_down()
+    assert device.speed == (slowest, SPEEDS[slowest])
+
+
 def test_without_releases_a_tap_is_a_short_step():
     typist = Typist()
     device = Keyboard(typist)

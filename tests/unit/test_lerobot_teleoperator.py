@@ -345,7 +345,7 @@ class TestConnect:
             connect("so101_leadr", {})
 
     def test_settings_of_something_else_are_refused(self):
-        with pytest.raises(DeviceError, match="'so101_leader' does not take the settings"):
+        with pytest.raises(DeviceError, match="'so101_leader': unknown setting"):
             connect("so101_leader", {"port": "/dev/null", "colour": "red"})
 
     @pytest.mark.parametrize(("kind", "setting"), [("so101_leader", "port"), ("phone", "phone_os")])

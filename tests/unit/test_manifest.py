@@ -41,10 +41,20 @@ def test_what_goes_wrong_leaves_only_the_partial_folder(tmp_path: Path, error: t
 def test_a_folder_that_is_there_is_refused_and_left_alone(tmp_path: Path):
     out = tmp_path / "out"
     out.mkdir()
-    (out / "old.txt").write_text("1")
+    (out / "manifest.json").write_text("1")
     with pytest.raises(OutputError, match=r"exists already. Choose another place, or pass --overwrite\.$"):
         output_folder(out).__enter__()
-    assert names(tmp_path) == ["out", "out/old.txt"]
+    with pytest.raises(OutputError, match=r"Choose another place, pass --resume to go on with it, or pass --overwrite"):
+        output_folder(out, resume=False).__enter__()
+    assert names(tmp_path) == ["out", "out/manifest.json"]
+
+
+@pytest.mark.parametrize("resume", [None, False, True])
+def test_an_empty_folder_is_as_good_as_none(tmp_path: Path, resume: bool | None):
+    (tmp_path / "out").mkdir()
+    with output_folder(tmp_path / "out", resume=resume) as folder:
+        (folder / "a.txt").write_text("1")
+    assert names(tmp_path) == ["out", "out/a.txt"]
 
 
 def test_an_old_folder_goes_only_when_the_new_one_is_whole(tmp_path: Path):
@@ -103,8 +113,8 @@ def test_only_a_folder_of_ours_is_ever_replaced(tmp_path: Path):
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious" / "thesis.txt").write_text("1")
     (tmp_path / "file").write_text("2")
-    for name in ("precious", "file"):
-        with pytest.raises(OutputError, match="is no folder that wrenchflow made"):
+    for name, said in (("precious", "is no folder that wrenchflow made"), ("file", "is a file")):
+        with pytest.raises(OutputError, match=said):
             output_folder(tmp_path / name, overwrite=True).__enter__()
     assert names(tmp_path) == ["file", "precious", "precious/thesis.txt"]
 

@@ -224,13 +224,15 @@ def test_info_tells_pauses_chunks_and_attachments(tmp_path: Path):
     t = np.delete(T, slice(700, 720))
     wrench = Stream(t, np.zeros((len(t), 6)), WRENCH, "sensor")
     attached = Attachment(data=b"mass = 1", media_type="application/toml")
-    late = Stream(T[[0, 100, 1100]], np.zeros((3, 7)), POSE)
-    streams = {"wrench_raw": wrench, "late": late}
+    late = Stream(T[[0, 50, 100, 150, 1150]], np.zeros((5, 7)), POSE)
+    now_and_then = Stream(T[[0, 10, 200, 250, 1000]], np.zeros((5, 7)), POSE)
+    streams = {"wrench_raw": wrench, "late": late, "now_and_then": now_and_then}
     write_episode(tmp_path / "e.mcap", Episode("e", "", streams, attachments={"rig.toml": attached}))
     info = read_info(tmp_path / "e.mcap")
     topics = {topic.name: topic for topic in info.topics}
     assert (topics["/wrench_raw"].gaps, topics["/wrench_raw"].longest_pause_s) == (1, 0.021)
     assert (topics["/late"].gaps, topics["/late"].longest_pause_s) == (1, 1.0)
+    assert (topics["/now_and_then"].gaps, topics["/now_and_then"].longest_pause_s) == (None, 0.75)
     assert (topics["/events"].gaps, topics["/events"].longest_pause_s) == (None, None)
     assert dict(info.chunks) == {"zstd": 3}
     assert {name: (of.size_bytes, of.media_type) for name, of in info.attachments.items()} == {

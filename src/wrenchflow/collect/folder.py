@@ -17,7 +17,7 @@ from wrenchflow.collect.sim_camera import views_of, without_what_cannot_be_drawn
 from wrenchflow.collect.sitting import Sitting
 from wrenchflow.control.emergency_stop import EmergencyStop
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import OutputError
+from wrenchflow.errors import ConfigError, OutputError
 from wrenchflow.manifest import KEEP, output_folder, write_manifest
 from wrenchflow.recording.black_box import BlackBox, black_boxes
 from wrenchflow.recording.write import write_episode
@@ -71,7 +71,8 @@ def collect_folder(
 
     Raises:
         OutputError: If `out` is there, and may be neither replaced nor gone on with.
-        ConfigError: For a task, operator or rig that does not exist, or control limits beyond the hardware's.
+        ConfigError: For a task, operator or rig that does not exist, control limits beyond the hardware's, or what
+            does not go together.
         StartupError: If the cell is not fit to be started.
         DeviceError: If a device is not there, or was lost.
     """
@@ -79,6 +80,11 @@ def collect_folder(
     config = without_what_cannot_be_drawn(config)
     views_of(config, rig)
     require_operator(config)
+    if review and not config.is_paced:
+        raise ConfigError(
+            f"--review asks whoever demonstrates, and '{config.operator}' is a program that runs as fast as it can: "
+            "leave it out, or pass --realtime."
+        )
     if resume and overwrite:
         raise OutputError("--resume goes on with what is there and --overwrite replaces it: pass one of them.")
     if resume:

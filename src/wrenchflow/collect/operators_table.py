@@ -33,6 +33,10 @@ def require_operator(config: CollectConfig) -> None:
         raise ConfigError(f"the blind spiral is a baseline of {_SPIRALLED}, and no operator for {config.task}.")
     if config.profiles and config.operator not in _EMULATED:
         raise ConfigError(f"profiles are of {' and '.join(_EMULATED)}, not of '{config.operator}'.")
+    if config.device.kind and config.operator != "lerobot":
+        raise ConfigError(f"device.kind is of the operator 'lerobot', not of '{config.operator}'.")
+    if config.device.recording and config.operator != "replay":
+        raise ConfigError(f"device.recording is of the operator 'replay', not of '{config.operator}'.")
     names_of(config)
 
 

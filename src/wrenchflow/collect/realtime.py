@@ -12,7 +12,7 @@ from wrenchflow.collect.board.row import EVERY_TICKS, Feed
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.demonstration import Demonstration, id_of, lost_of, problems_of, refused_of, who_of
 from wrenchflow.collect.desk import Desk
-from wrenchflow.collect.devices.device import TeleopDevice
+from wrenchflow.collect.devices.device import HasSpeeds, TeleopDevice
 from wrenchflow.collect.happenings import Happenings
 from wrenchflow.collect.on_clock import OnClock
 from wrenchflow.collect.session import Session, compliant, known_of
@@ -116,6 +116,8 @@ def demonstrate_in_real_time(
         beat.store(GOAL, int(attempt.plant.rows["t_ns"][0]), goal_pose=attempt.scene.T_base_goal_perceived)
         if desk.wishes is not None:
             desk.wishes.begin()
+        if isinstance(desk.device, HasSpeeds):
+            desk.device.slow_down()
         while not attempt.over and beat.recorder.is_alive:
             try:
                 session.period()

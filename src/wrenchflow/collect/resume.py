@@ -9,7 +9,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.demonstration import id_of
 from wrenchflow.config import to_mapping
 from wrenchflow.errors import OutputError
-from wrenchflow.manifest import NAME, partial_of, read_json, versions, write_json
+from wrenchflow.manifest import NAME, is_taken, partial_of, read_json, versions, write_json
 
 BEGUN = ".begun.json"  # In a folder that is being written: what it is recorded with.
 DISCARDED = "discarded"  # Where attempts go that nobody wants to learn from, and what a crash or a stop left of one.
@@ -26,8 +26,9 @@ def require_same(out: Path, config: CollectConfig) -> None:
     partial = partial_of(target)
     place = next((path for path in (target / NAME, partial / BEGUN) if path.exists()), None)
     if place is None:
-        if target.exists() or any(partial.glob("*.mcap*")):
+        if is_taken(target) or any(partial.glob("*.mcap*")):
             raise OutputError(f"'{out}' does not say what it was recorded with, so it cannot be gone on with.")
+        logging.getLogger("wrenchflow").warning("there is nothing in '%s' to go on with yet: it is begun.", out)
         return
     begun = read_json(place)
     known = dict(_flat(begun.get("config", {})))
@@ -39,7 +40,8 @@ def require_same(out: Path, config: CollectConfig) -> None:
     there = [index for index in range(_highest(place.parent) + 1) if _path(place.parent, config, index).exists()]
     if there and there[-1] >= config.episodes:
         raise OutputError(
-            f"'{out}' holds {len(there)} episodes, up to number {there[-1]}, expected {config.episodes} at most."
+            f"'{out}' holds episode {there[-1]} already, counted from 0: expected --episodes {there[-1] + 1} at least, "
+            f"got {config.episodes}."
         )
     if begun.get("versions") != versions():
         logging.getLogger("wrenchflow").warning(

@@ -102,6 +102,7 @@ def kernels_of(config: CollectConfig) -> tuple[Callable[..., Any], ...]:
     return (advance, follow, operate) if config.operator == "hand-guided" else (advance, follow)
 
 
+_FLICKER_S = 0.05  # Nobody begins something and goes back to what they did before as fast.
 _STRETCH_PERIODS = 32  # What Python does between two stretches then costs a tenth of a microsecond a tick.
 
 
@@ -177,7 +178,22 @@ class Session:
         done, names = self._periods[: self._count], self._attempt.task.phases
         if not len(done) or done["phase"][0] < 0:
             return []
-        starts = [0, *(np.flatnonzero(np.diff(done["phase"])) + 1)]
+        starts = _starts_of(done["phase"], round(_FLICKER_S / TICK_S / self._ticks))
         edges = [*(int(done["t_ns"][i]) for i in starts), int(self._attempt.plant.recorded[-1]["t_ns"])]
         labels = [names[done["phase"][i]] for i in starts]
         return [Event(*span, "phase", label) for span, label in zip(pairwise(edges), labels, strict=True)]
+
+
+def _starts_of(phases: np.ndarray, flicker: int) -> list[int]:
+    """Where phases start; one that comes back within so many periods was never left, but for what the sensor's noise
+    made of it.
+    """
+    edges = [0, *(np.flatnonzero(np.diff(phases)) + 1).tolist(), len(phases)]
+    starts: list[int] = []
+    for start, stop in pairwise(edges):
+        if starts and phases[starts[-1]] == phases[start]:
+            continue
+        is_short = starts and stop - start <= flicker and stop < len(phases)
+        if not (is_short and phases[stop] == phases[starts[-1]]):
+            starts.append(start)
+    return starts

@@ -4,7 +4,9 @@ Rows lie in a file of their own while an attempt lasts (see `row_file`). Where i
 writes a recording of what there is; where the process dies, the stage that started it does, or whoever comes next.
 """
 
+import logging
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import chain, count
@@ -25,6 +27,7 @@ from wrenchflow.source import Source
 SUFFIX = ".blackbox.mcap"
 KEPT_S = 10.0
 _DIED = "the process that ran it died"
+_ENDED = "the stage that it was part of ended"
 
 
 class BlackBox:
@@ -102,8 +105,9 @@ class BlackBox:
 def black_boxes(out: Path) -> Iterator[Path]:
     """The folder for the black boxes of a stage that writes `out`: beside it, for a stage that failed leaves nothing.
 
-    What an earlier run left that was killed is saved first. If the block ends in an exception, whatever processes that
-    died in it left is saved too, and the exception is given a note that says where it all is.
+    What an earlier run left that was killed is saved first, and it is told where boxes of earlier runs are. If the
+    block ends in an exception, whatever processes that died in it left is saved too, and the exception is given a note
+    that says where it all is.
 
     Args:
         out: The folder that the stage writes.
@@ -112,12 +116,17 @@ def black_boxes(out: Path) -> Iterator[Path]:
         The folder; it is there while there is something in it.
     """
     folder = out.with_name(f"{out.name}.blackbox")
-    _save_left(folder)
+    _save_left(folder, _DIED)
     before = set(folder.glob(f"*{SUFFIX}"))
+    if before:
+        told = "'%s' holds %d of earlier runs' black boxes; it is not needed for anything else."
+        logging.getLogger("wrenchflow").warning(told, folder, len(before))
     try:
         yield folder.resolve()  # Workers may be elsewhere.
     except BaseException as error:
-        _save_left(folder)
+        # Of Ctrl-C and the like the workers die that are under way; of a worker's own death nobody knows more.
+        is_end = not isinstance(error, BrokenExecutor)
+        _save_left(folder, f"{_ENDED}: {type(error).__name__}: {error}".removesuffix(": ") if is_end else _DIED)
         written = sorted(set(folder.glob(f"*{SUFFIX}")) - before)
         if len(written) == 1:
             error.add_note(f"The black box is '{written[0]}'.")
@@ -131,14 +140,14 @@ def black_boxes(out: Path) -> Iterator[Path]:
             folder.rmdir()
 
 
-def _save_left(folder: Path) -> None:
+def _save_left(folder: Path, why: str) -> None:
     """Make black boxes of the rows that dead processes left; what cannot be read or written stays as it is."""
     for path in sorted(folder.glob(f"*{row_file.SUFFIX}")):
         with suppress(WrenchflowError, OSError):
             if not is_being_filled(path):
                 episode = read_row_file(path)
                 if episode.streams:
-                    _write(folder, episode, _DIED)
+                    _write(folder, episode, why)
                 path.unlink()
     for path in folder.glob(f"*{row_file.SUFFIX}.partial"):  # Whoever made it did not come to the first row.
         with suppress(OSError):  # It was whole a moment later.

@@ -12,6 +12,7 @@ from wrenchflow.recording.container import Container
 from wrenchflow.recording.head import Head
 
 _GAP = 1.5  # Two messages that are further apart than this many periods have a gap between them.
+_MOST = 0.7  # Of the times between messages, where they come at a rate.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +26,7 @@ class TopicInfo:
         rate_hz: Mean rate [Hz]; None for fewer than two messages.
         start_ns: Log time of the first message [ns]; None without one.
         stop_ns: Log time of the last message [ns]; None without one.
-        gaps: Pauses of more than one and a half times a publisher's median period; None for fewer than three messages.
+        gaps: Pauses of more than one and a half times a publisher's median period; None without a period, as of events.
         longest_pause_s: The longest time between two messages of a publisher [s]; None for fewer than two.
     """
 
@@ -113,6 +114,12 @@ def info_of(container: Container, head: Head) -> RecordingInfo:
     )
 
 
+def _beats(between_ns: UInt64[np.ndarray, " n"]) -> bool:
+    """Whether messages come at a rate, and not when something happens: most are a period apart."""
+    periods = between_ns / max(float(np.median(between_ns)), 1.0)
+    return float(np.mean(np.abs(periods - 1.0) < _GAP - 1.0)) > _MOST
+
+
 def _topic(name: str, schema: str, times: list[UInt64[np.ndarray, " n"]]) -> TopicInfo:
     """What the log times of each channel of a topic say, which are in order [ns]."""
     count = sum(map(len, times))
@@ -120,7 +127,8 @@ def _topic(name: str, schema: str, times: list[UInt64[np.ndarray, " n"]]) -> Top
     start_ns, stop_ns = min((int(t[0]) for t in held), default=None), max((int(t[-1]) for t in held), default=None)
     span_ns = stop_ns - start_ns if start_ns is not None and stop_ns is not None else 0
     between_ns = [np.diff(t) for t in times if len(t) > 1]
-    gaps = [int((between > _GAP * np.median(between)).sum()) for between in between_ns if len(between) > 1]
+    regular = [between for between in between_ns if len(between) > 1 and _beats(between)]
+    gaps = [int((between > _GAP * np.median(between)).sum()) for between in regular]
     return TopicInfo(
         name=name,
         schema=schema,

@@ -54,8 +54,11 @@ def make_context(way: str, width: int, height: int) -> Any:
 def _try(way: str) -> int:
     os.environ["MUJOCO_GL"] = way
 
-    from wrenchflow.sim.render import Renderer
-
+    try:
+        from wrenchflow.sim.render import Renderer
+    except AttributeError:  # PyOpenGL's word for a library that is not there.
+        print(f"the library of {way.upper()} is not installed", file=sys.stderr)
+        return 1
     world = "<light pos='0 0 3'/><geom size='1'/><camera name='eye' pos='0 0 3'/>"
     renderer = Renderer(f"<mujoco><worldbody>{world}</worldbody></mujoco>", way, _PIXELS, _PIXELS)
     taken_s = []

@@ -12,7 +12,7 @@ from wrenchflow.collect.board.tally import Tally
 from wrenchflow.collect.coverage_told import coverage_told
 from wrenchflow.spatial import rotation_of
 
-_BAR, _PROGRESS = 40, 24
+_WIDTH, _BAR, _PROGRESS = 80, 40, 24
 _BEYOND = 1.25  # A bar reaches a quarter further than the limit.
 _AXES = ("fx", "fy", "fz", "|f|")
 
@@ -59,8 +59,10 @@ def look(
     parts.append(_progress(tally))
     if question:
         parts.append(Text(question, "bold yellow"))
-    parts += [Text(line, "dim") for line in facts.help]
-    return Panel(Group(*parts), title=facts.title, title_align="left", expand=False)
+    else:
+        parts += [Text(line, "dim") for line in facts.help]
+    # As wide whatever is in it: a frame that jumps cannot be read.
+    return Panel(Group(*parts), title=facts.title, title_align="left", width=_WIDTH)
 
 
 def _state(facts: Facts, row: np.void, rate_hz: float) -> Text:

@@ -39,6 +39,10 @@ class HasSpeeds(Protocol):
         """Name of the one that is chosen, and its share of full speed."""
         ...
 
+    def slow_down(self) -> None:
+        """Choose the slowest: an attempt begins."""
+        ...
+
 
 @runtime_checkable
 class TeleopDevice(Protocol):

@@ -107,7 +107,7 @@ class Keyboard:
             )
         self._keys, self._holds = keys, holds or Holds()
         self._until_ns: dict[str, int] = {}  # Keys that count as held, and until when.
-        self._speed = "1"  # With which a newcomer lands without a blow.
+        self.slow_down()
         self._reported = (0,) * 7
         self._t_ns, self._closed = 0, False
 
@@ -115,6 +115,10 @@ class Keyboard:
     def speed(self) -> tuple[str, float]:
         """The key that chose it, and its share of full speed."""
         return self._speed, SPEEDS[self._speed]
+
+    def slow_down(self) -> None:
+        """Choose the speed with which a newcomer lands without a blow."""
+        self._speed = next(iter(SPEEDS))
 
     def read(self, now_ns: int) -> Reading:
         """Take in the keys since the last read."""

@@ -6,7 +6,7 @@ import pkgutil
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -197,14 +197,7 @@ def connect(
         try:
             config = draccus.decode(TeleoperatorConfig, {"type": kind, **settings})
         except Exception as error:  # draccus has a kind of error for each way to be wrong.
-            takes = ", ".join(
-                field.name for field in fields(kinds[kind]) if field.name not in ("id", "calibration_dir")
-            )
-            given = ", ".join(f"{name}={value}" for name, value in settings.items()) or "none"
-            raise DeviceError(
-                f"'{kind}' does not take the settings {given}: {_said(error)}. It takes {takes or 'none'}, each as "
-                "--device.settings NAME=VALUE."
-            ) from error
+            raise DeviceError(_wrong(kind, kinds[kind], settings, error)) from error
         try:
             teleoperator = make_teleoperator_from_config(config)
             _connect(teleoperator)
@@ -238,6 +231,20 @@ def connect(
                 device.close()
             raise
     return device
+
+
+def _wrong(kind: str, config: type, settings: Mapping[str, Any], error: Exception) -> str:
+    """What is wrong with settings, and what they may be."""
+    takes = {field.name: field for field in fields(config) if field.init}
+    needs = [name for name, of in takes.items() if of.default is MISSING and of.default_factory is MISSING]
+    if strange := [name for name in settings if name not in takes]:
+        return f"'{kind}': {unknown('setting', strange[0], takes)}"
+    lacking = [name for name in needs if name not in settings]
+    names = f"Its settings are {', '.join(takes)}, each as --device.settings NAME=VALUE."
+    if lacking:
+        return f"'{kind}' needs {', '.join(lacking)}. {names}"
+    given = ", ".join(f"{name}={value}" for name, value in settings.items())
+    return f"'{kind}' does not take {given}: {_said(error)}. {names}"
 
 
 def _load_kinds() -> None:
