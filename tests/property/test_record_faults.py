@@ -107,7 +107,7 @@ def without_checksums(content: bytes) -> bytes:
 
 
 def flipped(content: bytes, kind: str, rng: np.random.Generator, thorough: bool) -> Iterator[bytes]:
-    """Bits of the first 31 bytes of a record, where its lengths and ids are, and of many others.
+    """A bit of each of the first 31 bytes of a record, where its lengths and ids are, and of some others; or all.
 
     The record is the last of its kind, in the data and in the summary.
     """
@@ -119,9 +119,11 @@ def flipped(content: bytes, kind: str, rng: np.random.Generator, thorough: bool)
 
 
 def flipped_within(content: bytes, start: int, stop: int, rng: np.random.Generator, thorough: bool) -> Iterator[bytes]:
-    head = [(at, bit) for at in range(start, min(stop, start + 31)) for bit in (range(8) if thorough else (0, 6))]
+    head = [
+        (at, bit) for at in range(start, min(stop, start + 31)) for bit in (range(8) if thorough else (3 * at % 8,))
+    ]
     body = [(at, int(rng.integers(0, 8))) for at in range(start + 31, stop)]
-    for at, bit in (*head, *(body[i] for i in rng.permutation(len(body))[: 1000 if thorough else 25])):
+    for at, bit in (*head, *(body[i] for i in rng.permutation(len(body))[: 1000 if thorough else 12])):
         data = bytearray(content)
         data[at] ^= 1 << bit
         yield bytes(data)
@@ -216,7 +218,7 @@ def test_a_file_that_is_cut_at_any_byte_is_no_recording(worked_through):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_flip_is_noticed_by_a_checksum(worked_through, kind):
     counts = worked_through["table"][f"{kind} True"]
-    assert counts["flips"] >= 26
+    assert counts["flips"] >= 13  # A bit of each byte of the shortest record.
     assert (counts["read"], counts["wrong"], counts["valid"]) == (0, 0, 0)
     assert counts["told"] == counts["recovered"] == counts["flips"]
     if kind not in ("CHUNK", "MESSAGE"):
@@ -228,7 +230,7 @@ def test_a_flip_is_noticed_by_a_checksum(worked_through, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_flip_that_no_checksum_notices_is_survived(worked_through, kind):
     counts = worked_through["table"][f"{kind} False"]
-    assert counts["flips"] >= 26
+    assert counts["flips"] >= 13  # A bit of each byte of the shortest record.
     # The flips are worth something only if some get past all that refuses them.
     assert counts["read"] > 0 or kind == "DATA_END"
     if kind in ("MESSAGE", "MESSAGE_INDEX", "STATISTICS", "CHUNK_INDEX", "ATTACHMENT_INDEX", "METADATA_INDEX"):

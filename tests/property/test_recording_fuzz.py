@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import WrenchflowError
@@ -87,8 +88,8 @@ def work_through(folder: Path, seed: int, count: int) -> str:
     return f"{sums[0]} {sums[1]} {grown}"
 
 
-def test_mutated_files_are_told_apart_or_refused(tmp_path):
-    count = 10_000
+@pytest.mark.parametrize("count", [3_000, pytest.param(30_000, marks=pytest.mark.slow)])
+def test_mutated_files_are_told_apart_or_refused(tmp_path, count):
     command = [sys.executable, __file__, str(tmp_path), str(count)]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     assert ran.returncode == 0, ran.stderr[-3000:]
