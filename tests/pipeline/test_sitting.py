@@ -22,6 +22,7 @@ from wrenchflow.errors import ControlError, DeviceError, OutputError
 from wrenchflow.manifest import read_manifest
 from wrenchflow.recording.reader import read_episode
 from wrenchflow.recording.write import write_episode
+from wrenchflow.recording.writer_process import DIED
 from wrenchflow.source import samples_of
 from wrenchflow.spacemouse_models import model_of
 
@@ -220,6 +221,18 @@ def test_what_an_emergency_stop_ended_is_set_aside_and_done_again(tmp_path, sess
     assert (tmp_path / "raw" / "discarded" / braked.name).exists()
     again = read_episode(tmp_path / "raw" / f"{before.id}.mcap")
     assert again.meta["simulator"]["state"] == before.meta["simulator"]["state"]
+
+
+def test_an_attempt_whose_control_process_died_is_set_aside_and_done_again(tmp_path, session):
+    (first, _), _ = session()
+    path = tmp_path / "raw" / f"{first.id}.mcap"
+    whole = read_episode(path)
+    path.unlink()
+    write_episode(path, whole.with_meta(result={"success": False, "failure": DIED}))
+    shown, _ = session(resume=True)
+    assert [one.was_there for one in shown] == [True, False]  # Those that are there are told first.
+    assert (tmp_path / "raw" / "discarded" / f"{first.id}-1.mcap").exists()
+    assert read_episode(path).meta["result"]["failure"] == "timeout"
 
 
 def test_what_was_only_discarded_is_not_done_away_with_by_the_next_run(tmp_path, session):

@@ -95,6 +95,8 @@ def collect_folder(
         sitting if config.is_paced else nullcontext(),
         output_folder(out, overwrite=overwrite, resume=resume) as folder,
     ):
+        if resume:
+            resuming.set_cut_off_aside(folder, config)
         there, missing = resuming.there_and_missing(folder, config)
         startup = None
         if not config.is_paced:

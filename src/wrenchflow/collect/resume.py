@@ -10,6 +10,8 @@ from wrenchflow.collect.demonstration import id_of
 from wrenchflow.config import to_mapping
 from wrenchflow.errors import OutputError
 from wrenchflow.manifest import NAME, is_taken, partial_of, read_json, versions, write_json
+from wrenchflow.recording.recording import Recording
+from wrenchflow.recording.writer_process import DIED
 
 BEGUN = ".begun.json"  # In a folder that is being written: what it is recorded with.
 DISCARDED = "discarded"  # Where attempts go that nobody wants to learn from, and what a crash or a stop left of one.
@@ -69,6 +71,13 @@ def begin(folder: Path, config: CollectConfig, *, by_the_clock: bool) -> None:
 def end(folder: Path) -> None:
     """It is whole: what it is recorded with is in its manifest now."""
     (folder / BEGUN).unlink()
+
+
+def set_cut_off_aside(folder: Path, config: CollectConfig) -> None:
+    """Move recordings whose control process died in mid-attempt: nobody ended these, so they are done again."""
+    for path in there_and_missing(folder, config)[0]:
+        if Recording(path).info.meta.get("result", {}).get("failure") == DIED:
+            set_aside(path)
 
 
 def set_aside(path: Path) -> Path:

@@ -107,7 +107,8 @@ def run_writer(job: Job, control: Connection) -> None:
 
 # What came of the episode, what the safety layer did, and what went wrong with which camera.
 _End = tuple[Any, Any, Mapping[str, str]]
-_DIED: _End = ({"success": False, "failure": "the control process died"}, None, {})
+DIED = "the control process died"  # What a recording fails by that its writer completed alone.
+_DIED: _End = ({"success": False, "failure": DIED}, None, {})
 
 
 def _receive(control: Connection) -> _End:
