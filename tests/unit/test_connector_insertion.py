@@ -12,6 +12,8 @@ from wrenchflow.collect.scripted import Scripted
 from wrenchflow.collect.session import Session, demonstrate
 from wrenchflow.control.config import ControlConfig, Impedance
 from wrenchflow.control.controller import Controller
+from wrenchflow.process.config import ProcessConfig
+from wrenchflow.process.pipeline import process_episode
 from wrenchflow.sim.attempt import Attempt
 from wrenchflow.sim.plant import Plant
 from wrenchflow.sim.reach import joints_at
@@ -209,6 +211,16 @@ def test_pushed_in_the_force_rises_to_the_crest_falls_and_stays_below_the_limit(
     assert force.max() < 20.0
     assert depth[-1] > TASK.seated_m
     assert referee.progress == 1.0
+
+
+def test_led_by_hand_on_a_soft_arm_the_crest_takes_no_less():
+    episode = demonstrate(0, CollectConfig(task="connector-insertion", operator="hand-guided", seed=3))
+    assert episode.meta["result"]["success"]
+    wrench, tcp = process_episode(episode, ProcessConfig())[0]["wrench"], episode["tcp_pose"]
+    crest_ns = tcp.t[np.argmax(tcp.data[:, 2] < GOAL[2] - TASK.shape.crest_m)]
+    before = (wrench.t > crest_ns - 200_000_000) & (wrench.t < crest_ns)
+    assert 12.5 < np.linalg.norm(wrench.data[before, :3], axis=1).max() < 14.5
+    assert np.linalg.norm(wrench.data[:, :3], axis=1).max() < 24.0
 
 
 def test_less_than_the_crest_leaves_it_unseated(pushed):

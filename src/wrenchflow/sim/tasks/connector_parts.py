@@ -38,7 +38,7 @@ class ConnectorShape:
         interference_m: By which nose and spring overlap at the crest.
         latch_solref: Contact of noses and springs: -stiffness, -damping, mass-normalised [1/s^2, 1/s].
         latch_give: Largest impedance d of that contact. MuJoCo answers as if the spring bore d / (1 - d) times the mass
-            that meets it: at 0.1 the force follows from the overlap, at 0.9 who coasts feels half of what who is slow does.
+            that meets it: at 0.1 force follows from overlap, at 0.9 who coasts feels half of what a slow push does.
         stop_solref: Contact of the tip and the rubber.
         stop_give: Largest impedance of that contact; less is softer.
         friction: Of steel on steel; the noses roll off the springs without any.
