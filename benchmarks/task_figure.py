@@ -122,8 +122,7 @@ def figure_of(shown: Sequence[Shown], titles: Sequence[str]) -> Figure:
     _limit(figure, 6.0, "", 2)
     _limit(figure, 10.0, "8 ± 2 N", 2)
     _limit(figure, 30.0, "never 30 N", 3)
-    _limit(figure, 13.0, "", 3)
-    _limit(figure, 15.0, "snaps at 13 to 15 N", 3)
+    _limit(figure, 13.0, "snaps at 13 N", 3)
     figure.update_xaxes(zeroline=False, showgrid=False, ticks="outside", ticklen=3)
     figure.update_yaxes(zeroline=True, zerolinecolor="rgba(128,138,150,0.45)", gridcolor="rgba(128,138,150,0.18)")
     figure.update_xaxes(
