@@ -1,4 +1,4 @@
-"""Faults that are planted into a recording whose truth is known: each kind with the smallest size that must be found."""
+"""Faults that are planted into a recording: each kind with the smallest size that must be found."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -114,9 +114,7 @@ def _payload_and_drift(both: ArmForce, names: tuple[str, ...], span: dict) -> It
             **span,
         )
     if not knows_mass:
-        reason = (
-            f"the tool turns too little to weigh it: gravity varies by {spread:.0%} of itself, expected {_SPREAD:.0%}"
-        )
+        reason = f"the tool turns too little to weigh it: gravity varies by {spread:.0%}, expected {_SPREAD:.0%}"
         yield NotAssessed(kind=PAYLOAD, reason=reason)
     elif abs(x[6]) > PAYLOAD_KG and abs(x[6]) > _SIGMAS * sigma[6]:
         yield Finding(

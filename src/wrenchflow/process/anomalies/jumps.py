@@ -16,7 +16,7 @@ _AFTER = 3 * HALF
 def find_jumps(look: Look) -> Iterator[Finding]:
     """Find steps of the force between two samples that no contact makes at the speed that the tool has.
 
-    The step is that of the running median, which follows steps and not spikes. Without the tool's speed nothing is said.
+    The step is that of the running median, which follows steps and not spikes. Without a speed nothing is said.
     """
     twist = look.episode.streams.get("tcp_twist")
     if twist is None or len(look.data) < 4 * _AFTER or not len(twist):

@@ -89,7 +89,7 @@ class Look:
 
     @cached_property
     def sigma(self) -> Float[np.ndarray, " d"]:
-        """Robust standard deviation of `rough` in free motion, or of all of it where there is too little. Shape (d,)."""
+        """Robust standard deviation of `rough` in free motion, or of all where that is too little. Shape (d,)."""
         rows = self.rough[self.free] if self.free.sum() >= 100 else self.rough
         if not len(rows):
             return np.zeros(self.data.shape[1])

@@ -62,6 +62,6 @@ def find_spikes(look: Look) -> Iterator[Finding]:
             stop_ns=look.stop_ns(last - 1),
             columns=tuple(look.columns[i] for i in sorted(sizes)),
             evidence=f"{sizes[worst]:.3g} {look.units[worst]} off the running median in {look.columns[worst]}, "
-            f"{sizes[worst] / sigma[worst]:.0f} times the scatter of free motion, and steeper than the sensor lets a blow be",
+            f"{sizes[worst] / sigma[worst]:.0f} times the scatter of free motion, and steeper than a blow can be",
             samples=last - first,
         )

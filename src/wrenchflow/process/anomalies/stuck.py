@@ -65,8 +65,8 @@ def find_stuck(look: Look) -> Iterator[Finding]:
             start_ns=span[0],
             stop_ns=span[1],
             columns=look.columns,
-            evidence=f"{share:.0%} of the rows repeat the one before: the sensor gives about {rate_hz:.0f} values a second "
-            f"of {look.rig.sensor.rate_hz:g}",
+            evidence=f"{share:.0%} of the rows repeat the one before: about {rate_hz:.0f} values a second are new, "
+            f"expected {look.rig.sensor.rate_hz:g}",
             samples=int(short.sum()),
         )
 
