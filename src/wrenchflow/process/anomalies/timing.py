@@ -58,7 +58,7 @@ def find_not_finite(raw: Stream, period_ns: int) -> Iterator[Finding]:
         period_ns: Nominal time between two samples [ns].
     """
     wrong = ~np.isfinite(raw.data)
-    for first, last in runs_of(wrong.any(axis=1)):
+    for first, last in runs_of(np.asarray(wrong.any(axis=1))):
         names = tuple(np.array(raw.signal.columns)[wrong[first:last].any(axis=0)].tolist())
         yield Finding(
             kind=NOT_FINITE,
