@@ -48,3 +48,31 @@ def panda_tcp(T_flange_tcp: Float[np.ndarray, " 7"]) -> Kinematics:
         return compose(flange_pose(q_rad), T_flange_tcp)
 
     return tcp_pose
+
+
+def jacobians(
+    q_rad: Float[np.ndarray, "n 7"], T_flange_tcp: Float[np.ndarray, " 7"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 6 7"]]:
+    """Where the TCP is, and how fast joints move it, of many postures at once.
+
+    Args:
+        q_rad: Joint angles. Shape (n, 7).
+        T_flange_tcp: Where the tool's tip is. Shape (7,).
+
+    Returns:
+        Position in the base [m], shape (n, 3); and J, base axes, linear rows first, shape (n, 6, 7).
+    """
+    count = len(q_rad)
+    position_m, R = np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3))
+    origins, axes = [], []
+    for (a, d, alpha), theta in zip(DH, q_rad.T, strict=True):
+        ca, sa, ct, st = math.cos(alpha), math.sin(alpha), np.cos(theta), np.sin(theta)
+        position_m = position_m + R @ np.array([a, -d * sa, d * ca])
+        zero = np.zeros(count)
+        turn = np.array([[ct, -st, zero], [st * ca, ct * ca, zero - sa], [st * sa, ct * sa, zero + ca]])
+        R = R @ turn.transpose(2, 0, 1)
+        origins.append(position_m)
+        axes.append(R[:, :, 2])
+    position_m = position_m + R @ (np.array([0.0, 0.0, FLANGE_M]) + T_flange_tcp[:3])
+    columns = [np.concatenate([np.cross(z, position_m - o), z], axis=1) for o, z in zip(origins, axes, strict=True)]
+    return position_m, np.stack(columns, axis=2)

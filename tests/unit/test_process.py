@@ -192,8 +192,10 @@ def test_places_that_cannot_be_read_or_written_are_refused(raw_folder: Path, tmp
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match=r"holds no \*\.mcap"):
         list(process_folder(tmp_path / "empty", tmp_path / "clean", CONFIG))
-    with pytest.raises(OutputError, match="exists already"):
-        list(process_folder(raw_folder, tmp_path / "empty", CONFIG))
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "thesis.txt").touch()
+    with pytest.raises(OutputError, match="is no folder that wrenchflow made"):
+        list(process_folder(raw_folder, tmp_path / "taken", CONFIG))
     for out in (raw_folder, tmp_path):
         with pytest.raises(OutputError, match="would replace what is read"):
             list(process_folder(raw_folder, out, CONFIG, overwrite=True))
