@@ -18,6 +18,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.profiles import PROFILES
 from wrenchflow.collect.session import demonstrate
 from wrenchflow.episodes_map import map_episodes
+from wrenchflow.pages.drawing import Drawing
 from wrenchflow.pages.page import page, section
 from wrenchflow.pages.plot_block import plot_block
 
@@ -89,7 +90,7 @@ def main() -> None:
     print(f"{arguments.task}, {arguments.operator} people, {arguments.episodes} episodes each")
     show(takes, told)
     if arguments.page:
-        figure = section("", plot_block(figure_of(takes, told), "operators"))
+        figure = section("", plot_block(Drawing(**figure_of(takes, told).to_plotly_json()), "operators"))
         arguments.page.write_text(page(f"Emulated people: {arguments.task}", [figure], ""))
 
 

@@ -152,7 +152,7 @@ def real_takes(path: Path) -> list[Take]:
     takes = []
     for each in loadmat(path)["symbol_data"].flat:
         force = np.asarray(each["F"], float).T
-        smooth = _lowpass(force, ProcessConfig().cutoff_hz, REAL_HZ)
+        smooth = _lowpass(force, ProcessConfig().filter.cutoff_hz, REAL_HZ)
         takes.append(Take(who="real hand", rate_hz=REAL_HZ, position_m=each["pos"].T, force_n=force, smooth_n=smooth))
     return takes
 

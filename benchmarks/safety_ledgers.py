@@ -16,7 +16,7 @@ from wrenchflow.episode import Episode
 from wrenchflow.ledger import Ledger
 from wrenchflow.pages.episode_plot import episode_figure
 from wrenchflow.pages.page import page, section
-from wrenchflow.pages.plot_block import plot_block, plot_scripts
+from wrenchflow.pages.plot_block import plot_block
 from wrenchflow.sim.attempt import EVALUATE, Attempt
 from wrenchflow.sim.tasks import scenery
 from wrenchflow.spatial import exp_so3, make_pose, rotation_of
@@ -73,7 +73,7 @@ def main() -> int:
     """Write the page."""
     config = CollectConfig()
     normal, adversarial = demonstrate(0, config, scenes=EVALUATE), harassed(config)
-    sections = [block("A demonstration", normal), block("An adversary on the same scene", adversarial), plot_scripts()]
+    sections = [block("A demonstration", normal), block("An adversary on the same scene", adversarial)]
     Path(sys.argv[1]).write_text(page("What the safety layer books", sections, ""))
     return 0
 

@@ -16,6 +16,7 @@ from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import demonstrate
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.pages import theme
+from wrenchflow.pages.drawing import Drawing
 from wrenchflow.pages.page import page, section
 from wrenchflow.pages.plot_block import plot_block
 from wrenchflow.process.config import ProcessConfig
@@ -191,7 +192,7 @@ def main() -> None:
     for task in NAMES:
         config = CollectConfig(task=task, operator="emulated", profiles=(arguments.person,), seed=0)
         shown.append(shown_of(demonstrate(INDEX[task], config)))
-    block = plot_block(figure_of(shown, NAMES), "tasks")
+    block = plot_block(Drawing(**figure_of(shown, NAMES).to_plotly_json()), "tasks")
     arguments.page.write_text(page("A demonstration of each task", [section("", block)], ""))
 
 

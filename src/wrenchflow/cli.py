@@ -12,8 +12,7 @@ from typing import Any
 import tyro
 
 from wrenchflow import __version__
-from wrenchflow.commands import (
-    COMMANDS,
+from wrenchflow.command import (
     EXIT_DONE,
     EXIT_ERROR,
     EXIT_INTERRUPTED,
@@ -22,6 +21,7 @@ from wrenchflow.commands import (
     Command,
     Stage,
 )
+from wrenchflow.commands import COMMANDS
 from wrenchflow.config import load, read_toml, to_mapping
 from wrenchflow.errors import ConfigError, Terminated, WrenchflowError
 

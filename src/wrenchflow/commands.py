@@ -1,11 +1,10 @@
 """The commands: what each takes, which stage it runs, and what it has to say of it."""
 
 import logging
-from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -14,92 +13,42 @@ from tqdm import tqdm
 from tyro.conf import Positional, arg
 
 from wrenchflow.collect.config import PEOPLE, CollectConfig
+from wrenchflow.command import (
+    _UNPREFIXED,
+    EXIT_DONE,
+    EXIT_ERROR,
+    EXIT_GATE,
+    Cluster,
+    Command,
+    Jobs,
+    Out,
+    Overwrite,
+    Parallel,
+    Resume,
+    Stage,
+    needs,
+    watch,
+)
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
-from wrenchflow.errors import ConfigError, ControlError
+from wrenchflow.errors import ControlError
 from wrenchflow.manifest import partial_of
+from wrenchflow.process.calibrate_config import CalibrateConfig
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.quickstart_config import QuickstartConfig
 from wrenchflow.told import (
+    calibration_lines,
     collect_lines,
     doctor_lines,
+    import_lines,
+    process_lines,
     quickstart_lines,
     recording_lines,
     result_lines,
     validation_lines,
 )
 from wrenchflow.train.config import TrainConfig
-
-EXIT_DONE, EXIT_ERROR, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
-
-Overwrite = Annotated[bool, arg(help="Replace outputs that are there.")]
-Jobs = Annotated[int, arg(help="Worker processes.")]
-Resume = Annotated[bool, arg(help="Go on with OUT, finished or interrupted; --episodes is how many it will hold.")]
-Json = Annotated[bool, arg(help="Print one JSON object instead of text.")]
-_OF_CONFIG = (
-    "Values of the configuration, which the manifest records: of all flags below but those that say how a command is "
-    "run (jobs, resume, review, viewer, sound, start)."
-)
-ConfigFile = Annotated[Path | None, arg(name="config", metavar="FILE.toml", help=_OF_CONFIG)]
-Out = Annotated[Positional[Path], arg(metavar="OUT", help="Folder to write.")]
-# A config's own fields are flags without a prefix, `--steps`; what is nested in it keeps one, `--policy.mlp.width`.
-_UNPREFIXED = arg(name="")
-
-
-def watch[T](stage: str, results: Iterator[T], total: int) -> list[T]:
-    """Exhaust a stage's results behind a progress bar, where there is a terminal to draw it on."""
-    return list(tqdm(results, desc=stage, total=total, disable=None, dynamic_ncols=True, leave=False))
-
-
-@contextmanager
-def needs(package: str, extra: str) -> Iterator[None]:
-    """Import in this block what needs a package that not every installation has.
-
-    Raises:
-        ConfigError: If it is not installed; the message says how to.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != package:
-            raise
-        raise ConfigError(f"this needs {package}, which is not installed: install wrenchflow[{extra}].") from error
-
-
-@dataclass(frozen=True, kw_only=True)
-class Command(ABC):
-    """What all commands share."""
-
-    json: Json = False
-
-    @abstractmethod
-    def run(self) -> dict[str, Any]:
-        """Do the work; returns plain figures."""
-
-    def text(self, result: dict[str, Any]) -> list[str]:
-        """The result as lines for a person."""
-        return result_lines(result)
-
-    def code(self, result: dict[str, Any]) -> int:
-        """The exit code that a result stands for."""
-        return EXIT_DONE
-
-    def can_go_on(self, error: BaseException) -> bool:
-        """Whether the same command with `--resume` goes on where an error ended it."""
-        return False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stage(Command):
-    """A command that writes OUT from what its config says.
-
-    The command line reads `--config FILE` first and takes it out, for its values are the defaults of all other flags;
-    the field is here so that a person finds it in `--help`.
-    """
-
-    overwrite: Overwrite = False
-    config_file: ConfigFile = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,46 +138,119 @@ class Collect(Stage):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Process(Stage):
-    """Clean the force of the recordings in RAW: bias, gravity, filter, contacts; writes OUT and its quality report."""
+class Calibrate(Stage):
+    """Find out what hangs below the sensor, into OUT.toml: from recordings at rest, or by a motion in simulation."""
+
+    out: Annotated[Positional[Path], arg(metavar="OUT.toml", help="The calibration to write.")]
+    recordings: Annotated[
+        Positional[tuple[Path, ...]],
+        arg(metavar="RECORDING", help="Recordings (.mcap, .csv) of an arm that rests in several orientations."),
+    ] = ()
+    config: Annotated[CalibrateConfig, _UNPREFIXED] = field(default_factory=CalibrateConfig)
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.collect.calibrate import calibrate, simulated_truth
+
+        today = datetime.now(UTC).date().isoformat()
+        found = calibrate(self.out, self.recordings, self.config, date=today, overwrite=self.overwrite)
+        truth = None if self.recordings else to_mapping(simulated_truth(self.config))
+        return to_mapping(found) | {"truth": truth, "out": str(self.out)}
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """What was found, how well, and what is true where that is known."""
+        return calibration_lines(result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Import(Command):
+    """Make raw recordings of what others recorded: CSV, MATLAB, MCAP, ROS 2 bags; MAPPING says what they hold."""
+
+    mapping: Annotated[Positional[Path], arg(metavar="MAPPING.toml", help="What the numbers mean.")]
+    out: Out
+    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE...", help="Files, or folders of ROS 2 bags.")]
+    overwrite: Overwrite = False
+    jobs: Jobs = 2
+    cluster: Cluster = None
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.cluster import executor_at
+        from wrenchflow.imports.import_folder import import_folder
+
+        with executor_at(self.cluster) as executor:
+            importing = import_folder(
+                self.mapping, self.out, self.files, jobs=self.jobs, overwrite=self.overwrite, executor=executor
+            )
+            episodes = [episode for file in watch("import", importing, len(self.files)) for episode in file]
+        return {
+            "episodes": len(episodes),
+            "samples": sum(sum(episode.samples.values()) for episode in episodes),
+            "notes": {episode.id: list(episode.notes) for episode in episodes if episode.notes},
+            "out": str(self.out),
+        }
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """Figures, and what had to be assumed."""
+        return import_lines(result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Process(Parallel):
+    """Clean the force of the recordings in RAW, and say how far to believe it: writes OUT with a report."""
 
     raw: Annotated[Positional[Path], arg(metavar="RAW", help="Folder of recordings.")]
     out: Out
     config: Annotated[ProcessConfig, _UNPREFIXED] = field(default_factory=ProcessConfig)
-    jobs: Jobs = 2
+    gate: Annotated[bool, arg(help="End with exit code 3 if any episode has a defect.")] = False
 
     def run(self) -> dict[str, Any]:
         """Do it."""
-        from wrenchflow.process.pipeline import process_folder
+        from wrenchflow.cluster import executor_at
+        from wrenchflow.process.pipeline import REPORT, process_folder
+        from wrenchflow.process.summary import summarise_quality
 
-        processing = process_folder(self.raw, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite)
-        qualities = watch("process", processing, _count(self.raw))
-        return {
-            "episodes": len(qualities),
-            "with_contact": sum(quality.has_contact for quality in qualities),
-            "max_force_n": max(quality.max_force for quality in qualities),
-            "report": str(self.out / "report.html"),
-        }
+        with executor_at(self.cluster) as executor:
+            processing = process_folder(
+                self.raw, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite, executor=executor
+            )
+            assessments = watch("process", processing, _count(self.raw))
+        return summarise_quality(assessments) | {"report": str(self.out / REPORT)}
+
+    def text(self, result: dict[str, Any]) -> list[str]:
+        """Figures, and what is wrong."""
+        return process_lines(result)
+
+    def code(self, result: dict[str, Any]) -> int:
+        """3 behind `--gate` for a folder with a defect."""
+        return EXIT_GATE if self.gate and result["defects"] else EXIT_DONE
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export(Stage):
+class Export(Parallel):
     """Make a data set of the recordings in CLEAN; OUT may hold one of each format."""
 
     format: Annotated[Positional[str], arg(metavar="FORMAT", help="robomimic or lerobot.")]
     clean: Annotated[Positional[Path], arg(metavar="CLEAN", help="Folder of processed recordings.")]
     out: Out
     config: Annotated[ExportConfig, _UNPREFIXED] = field(default_factory=ExportConfig)
-    jobs: Jobs = 2
 
     def run(self) -> dict[str, Any]:
         """Do it."""
+        from wrenchflow.cluster import executor_at
         from wrenchflow.datasets.export import export_folder
 
-        exporting = export_folder(
-            self.format, self.clean, self.out, self.config, jobs=self.jobs, overwrite=self.overwrite
-        )
-        episodes = watch(f"export {self.format}", exporting, _count(self.clean))
+        with executor_at(self.cluster) as executor:
+            exporting = export_folder(
+                self.format,
+                self.clean,
+                self.out,
+                self.config,
+                jobs=self.jobs,
+                overwrite=self.overwrite,
+                executor=executor,
+            )
+            episodes = watch(f"export {self.format}", exporting, _count(self.clean))
         return {
             "episodes": sum(not episode.left_out for episode in episodes),
             "left_out": {episode.id: episode.left_out for episode in episodes if episode.left_out},
@@ -411,6 +433,8 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
     {
         "quickstart": Quickstart,
         "collect": Collect,
+        "calibrate": Calibrate,
+        "import": Import,
         "process": Process,
         "export": Export,
         "train": Train,

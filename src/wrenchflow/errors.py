@@ -57,6 +57,10 @@ class DeviceError(WrenchflowError):
     """A device to move the arm with that is not there, may not be read, or has gone."""
 
 
+class WorkerError(WrenchflowError):
+    """Workers of a cluster that are gone."""
+
+
 class Terminated(KeyboardInterrupt):
     """Somebody asked this process to end (SIGTERM): what Ctrl-C winds up is wound up, and what is known is written."""
 

@@ -9,6 +9,8 @@ from jaxtyping import Float, Int64
 
 from wrenchflow.butterworth import design, steady_state
 from wrenchflow.compiled import kernel
+from wrenchflow.force_filter import FilterConfig
+from wrenchflow.running_median import CausalMedian, centred_median
 
 ORDER = 4
 
@@ -97,6 +99,44 @@ class CausalLowpass:
     def restart(self) -> None:
         """Forget everything: the next sample starts a new run, as after a gap."""
         self._running = False
+
+
+class CausalFilter:
+    """What a `FilterConfig` says, running along with its signal: the median, if there is one, then the low-pass."""
+
+    def __init__(self, config: FilterConfig, rate_hz: float, width: int = 6) -> None:
+        """Design the filter for samples at `rate_hz` [Hz] of `width` columns.
+
+        Raises:
+            ConfigError: If the cutoff does not fit the rate.
+        """
+        self._median = CausalMedian(config.median_samples, width) if config.median_samples else None
+        self._lowpass = CausalLowpass(config.cutoff_hz, rate_hz, config.order, width)
+        # The middle of the window is that old when its newest sample comes.
+        median_s = (config.median_samples - 1) / (2 * rate_hz) if self._median else 0.0
+        self._group_delay_s = self._lowpass.group_delay_s + median_s
+
+    @property
+    def group_delay_s(self) -> float:
+        """How far the output lags behind a slow input [s]: low-pass at frequency 0, and median."""
+        return self._group_delay_s
+
+    def push(self, rows: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+        """Filter the next samples. Shape (n, width), in the units that came in."""
+        return self._lowpass.push(rows if self._median is None else self._median.push(rows))
+
+    def restart(self) -> None:
+        """Forget everything: the next sample starts a new run, as after a gap."""
+        self._lowpass.restart()
+        if self._median is not None:
+            self._median.restart()
+
+
+def without_lag(data: Float[np.ndarray, "n d"], config: FilterConfig, rate_hz: float) -> Float[np.ndarray, "n d"]:
+    """Filter evenly spaced, finite samples by a centred median, if there is one, and forward and backward."""
+    if config.median_samples:
+        data = centred_median(data, config.median_samples)
+    return zero_phase(data, config.cutoff_hz, rate_hz, config.order)
 
 
 def lowpass(

@@ -1,7 +1,7 @@
 """What a policy sees and does at one step: sampled in the same way from a recording and from a running robot."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -10,6 +10,7 @@ from jaxtyping import Float, Float32, Int64
 from wrenchflow import sampling
 from wrenchflow.episode import Stream
 from wrenchflow.errors import DatasetError, unknown
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.signals import ARM_JOINTS, JOINTS, POSE, TWIST, WRENCH
 from wrenchflow.spatial import rot6d_of, rotation_of
 
@@ -45,6 +46,7 @@ class Steps:
         observations: By name; `OBSERVATIONS` gives shapes and units. Shape (T, ...).
         actions: Target position [m] and rot6d. Shape (T, 9).
         success: Whether the attempt reached its goal; False where nobody said so.
+        wrench_filter: What its wrench went through, and has to go through where a policy that learned from it runs.
     """
 
     episode_id: str
@@ -53,6 +55,7 @@ class Steps:
     observations: Mapping[str, Float32[np.ndarray, "T ..."]]
     actions: Float32[np.ndarray, "T 9"]
     success: bool = False
+    wrench_filter: FilterConfig = field(default_factory=FilterConfig)
 
     def __post_init__(self) -> None:
         for name, values in self.observations.items():

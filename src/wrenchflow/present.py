@@ -9,8 +9,8 @@ from wrenchflow.deploy.evaluation import Verdict, summarise
 from wrenchflow.episode import Episode
 from wrenchflow.pages.evaluation import evaluation_page
 from wrenchflow.pages.quickstart import quickstart_page
+from wrenchflow.process.clean import clean_episode
 from wrenchflow.process.config import ProcessConfig
-from wrenchflow.process.pipeline import process_episode
 from wrenchflow.recording.reader import read_episode
 
 _SHOWN = 3  # Demonstrations, and successful rollouts, on a page.
@@ -47,7 +47,7 @@ def _rollouts(folder: Path, verdicts: Sequence[Verdict], prefix: str) -> list[tu
     wanted = [verdict.id for verdict in verdicts if verdict.success][:_SHOWN]
     wanted += [verdict.id for verdict in verdicts if not verdict.success][:1]
     config = ProcessConfig()
-    episodes = [process_episode(read_episode(folder / f"{name}.mcap"), config)[0] for name in wanted]
+    episodes = [clean_episode(read_episode(folder / f"{name}.mcap"), config).episode for name in wanted]
     return [(episode, f"{prefix}{episode.id}.mcap") for episode in episodes]
 
 

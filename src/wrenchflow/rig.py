@@ -54,6 +54,11 @@ class Sensor:
         return np.repeat([self.noise_force_n, self.noise_torque_nm], 3)
 
     @property
+    def delay_s(self) -> float:
+        """How far the sensor's own low-pass, a second-order Butterworth, lags behind a slow force [s]."""
+        return math.sqrt(2.0) / (2.0 * math.pi * self.lowpass_hz)
+
+    @property
     def range(self) -> Float[np.ndarray, " 6"]:
         """Largest reading, force [N] then torque [N.m]. Shape (6,)."""
         return np.repeat([self.force_range_n, self.torque_range_nm], 3)
@@ -136,17 +141,21 @@ def _require_pose(name: str, pose: Pose) -> None:
         raise ConfigError(f"{name} has a quaternion (qw qx qy qz) of length {norm:g}, expected 1.")
 
 
-def load_rig(name_or_path: str) -> Rig:
+def load_rig(name_or_path: str, folder: Path = Path()) -> Rig:
     """Load a rig that comes with wrenchflow by its name, or any other by the path of its TOML file.
 
     Its `robot` is a whole table, the name of a robot that comes with wrenchflow, or the path of a TOML file, from the
     rig's own folder on. With `extends`, the name or, likewise, the path of another rig, it is that rig but for what it
     says itself: tables are taken over key by key, and lists as a whole.
 
+    Args:
+        name_or_path: Which.
+        folder: From where on a path goes.
+
     Raises:
         ConfigError: If there is no such rig or robot, or it makes no sense.
     """
-    place = _find("rig", name_or_path, RIGS, Path())
+    place = _find("rig", name_or_path, RIGS, folder)
     return from_mapping(Rig, _read_rig(place, ()), where=place.name)
 
 

@@ -51,10 +51,17 @@ def mask(columns: tuple[str, ...]) -> Signal:
     return Signal("mask", columns, ("1",) * len(columns))
 
 
+def plain(columns: tuple[str, ...], units: tuple[str, ...]) -> Signal:
+    """Columns that nothing here knows more of than a name and a unit each: what else a foreign file holds."""
+    return Signal("plain", columns, units)
+
+
 WRENCH = Signal("wrench", ("fx", "fy", "fz", "tx", "ty", "tz"), ("N",) * 3 + ("N.m",) * 3)
 FORCE = Signal("force", ("fx", "fy", "fz"), ("N",) * 3)
 POSE = Signal("pose", ("x", "y", "z", "qw", "qx", "qy", "qz"), ("m",) * 3 + ("1",) * 4)
+POSITION = Signal("position", POSE.columns[:3], POSE.units[:3])
 TWIST = Signal("twist", ("vx", "vy", "vz", "wx", "wy", "wz"), ("m/s",) * 3 + ("rad/s",) * 3)
+VELOCITY = Signal("velocity", TWIST.columns[:3], TWIST.units[:3])
 JOINTS = joints(ARM_JOINTS)
 JOINT_TORQUE = joint_torque(ARM_JOINTS)
 _STIFFNESS = tuple(f"k_{part}_{row}{col}" for part in ("lin", "rot") for row in "xyz" for col in "xyz")

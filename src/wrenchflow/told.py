@@ -8,6 +8,8 @@ from typing import Any
 from wrenchflow.collect.coverage_told import coverage_told
 from wrenchflow.pages.page import chance
 
+_NAMED = 3  # Episodes that a line names.
+
 
 def result_lines(result: Mapping[str, Any], indent: str = "") -> list[str]:
     """A result as aligned lines, tables within tables further in."""
@@ -27,6 +29,53 @@ def collect_lines(result: Mapping[str, Any]) -> list[str]:
     lines = result_lines({**plain, **coverage_told(result["coverage"]), "out": result["out"]})
     to_go = result.get("to_go")
     return [*lines, f"{to_go} to go: the same command with --resume goes on."] if to_go else lines
+
+
+def import_lines(result: Mapping[str, Any]) -> list[str]:
+    """What `import` wrote, and each note with the episodes that it is about."""
+    episodes: dict[str, list[str]] = {}
+    for id, notes in result["notes"].items():
+        for note in notes:
+            episodes.setdefault(note, []).append(id)
+    lines = result_lines({key: value for key, value in result.items() if key != "notes"})
+    for note, ids in episodes.items():
+        more = f", and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
+        who = "all" if len(ids) == result["episodes"] else ", ".join(ids[:_NAMED]) + more
+        lines += wrap(f"note ({who}): {note}", 100, subsequent_indent="  ")
+    return lines
+
+
+def process_lines(result: Mapping[str, Any]) -> list[str]:
+    """What `process` found: figures, then each kind of defect and warning with its episodes, defects first."""
+    found = {key: result[key] for key in ("defects", "warnings")}
+    lines = result_lines({key: value for key, value in result.items() if key not in found})
+    for severity, kinds in found.items():
+        for kind, each in kinds.items():
+            more = f", and {len(each['episodes']) - _NAMED} more" if len(each["episodes"]) > _NAMED else ""
+            lines.append(f"{severity.removesuffix('s')}: {kind} in {', '.join(each['episodes'][:_NAMED])}{more}")
+            lines += wrap(f"such as: {each['evidence']}", 100, initial_indent="  ", subsequent_indent="  ")
+    return lines
+
+
+def calibration_lines(result: Mapping[str, Any]) -> list[str]:
+    """What `calibrate` found, within what it lies in 95 of 100 cases, and what is true, where a simulation knows."""
+    payload, truth = result["payload"], result["truth"]
+    com_mm = ["  ".join(f"{1e3 * x:8.2f}" for x in of["com_sensor_m"]) for of in (payload, truth or payload)]
+    within_mm = "  ".join(f"{2e3 * std:8.2f}" for std in result["com_std_m"])
+    plain = {
+        "condition": f"{result['condition']:.1f}, expected less than {result['limits']['max_condition']:g}",
+        "left of any rest": f"{result['left_n']:.3f} N, {1e3 * result['left_nm']:.2f} mN.m",
+        "rests": f"{result['rests']} in " + ", ".join(source["file"] for source in result["sources"]),
+        "sensor": result["sensor"],
+        "out": result["out"],
+    }
+    return [
+        f"{'':10}  {'mass g':>8}  centre of mass mm, x y z in the sensor frame",
+        f"{'found':10}  {1e3 * payload['mass_kg']:8.2f}  {com_mm[0]}",
+        f"{'+- (95 %)':10}  {2e3 * result['mass_std_kg']:8.2f}  {within_mm}",
+        *([f"{'true':10}  {1e3 * truth['mass_kg']:8.2f}  {com_mm[1]}"] if truth else []),
+        *result_lines(plain),
+    ]
 
 
 def _said(value: Any) -> str:

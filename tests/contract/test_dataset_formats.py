@@ -11,6 +11,7 @@ from wrenchflow.datasets import lerobot, robomimic
 from wrenchflow.datasets.keys import About
 from wrenchflow.datasets.load import load_steps
 from wrenchflow.errors import DatasetError, OutputError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.observation import OBSERVATIONS, Steps
 
 FORMATS = {"robomimic": (robomimic, "robomimic.hdf5"), "lerobot": (lerobot, "lerobot")}
@@ -29,6 +30,7 @@ def steps_of(lengths=(12, 5, 1, 9), seed=0, period_ns=50_000_000) -> list[Steps]
             },
             actions=rng.normal(0.0, [3.0, 0.2, 0.2, *[0.4] * 6], (n, 9)).astype(np.float32),
             success=i % 2 == 0,
+            wrench_filter=FilterConfig(cutoff_hz=25.0, median_samples=5),
         )
         for i, n in enumerate(lengths)
     ]
@@ -38,6 +40,7 @@ def assert_same(read: list[Steps], written: list[Steps]) -> None:
     assert len(read) == len(written)
     for one, other in zip(read, written, strict=True):
         assert (one.episode_id, one.period_ns, one.success) == (other.episode_id, other.period_ns, other.success)
+        assert one.wrench_filter == other.wrench_filter
         np.testing.assert_array_equal(one.t, other.t, strict=True)
         assert one.actions.tobytes() == other.actions.tobytes()
         assert one.observations.keys() == other.observations.keys()

@@ -97,15 +97,18 @@ def test_bad_input_is_told_in_one_line_and_leaves_nothing_whole(bad, wrenchflow,
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_one_bad_episode_among_good_ones_stops_the_stage_on_any_number_of_workers(bad, wrenchflow, tmp_path, jobs):
-    for number in range(2):
-        (tmp_path / "raw").mkdir(exist_ok=True)
-        shutil.copy(bad / "raw" / f"{number}.mcap", tmp_path / "raw" / f"{number}.mcap")
-    shutil.copy(bad / "loaded" / "0.mcap", tmp_path / "raw" / "2.mcap")
-    ran = wrenchflow("process", tmp_path / "raw", tmp_path / "clean", "--jobs", jobs)
-    assert (ran.code, ran.stdout, ran.stderr.count("\n")) == (1, "", 1)
-    assert "the reading is loaded in the bias window" in ran.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.partial", "raw"]
+def test_bad_episodes_among_good_ones_are_told_and_the_gate_holds(bad, wrenchflow, tmp_path, jobs):
+    raw, out = tmp_path / "raw", tmp_path / "clean"
+    raw.mkdir()
+    for number, source in enumerate(("raw/0", "raw/1", "loaded/0", "truncated/0", "not_mcap/0")):
+        shutil.copy(bad / f"{source}.mcap", raw / f"{number}.mcap")
+    ran = wrenchflow("process", raw, out, "--jobs", jobs, "--gate")
+    assert (ran.code, ran.stderr) == (3, "")
+    assert "defect: no-clean-force" in ran.stdout
+    assert "the reading is loaded in the bias window" in ran.stdout
+    assert "defect: unreadable in 3, 4" in ran.stdout
+    assert sorted(path.name for path in out.glob("*.mcap")) == ["0.mcap", "1.mcap"]
+    assert wrenchflow("process", raw, out, "--jobs", jobs, "--overwrite").code == 0
 
 
 def test_what_is_there_is_replaced_when_told(bad, wrenchflow, tmp_path):

@@ -42,7 +42,17 @@ def test_each_stage_leaves_its_files_and_nothing_half_done(chain):
     recordings = [path.name for path in sorted(at.glob("raw/*.mcap"))]
     assert len(recordings) == 6
     assert sorted(files_in(at / "raw")) == sorted([*recordings, "manifest.json"])
-    assert sorted(files_in(at / "clean")) == sorted([*recordings, "manifest.json", "quality.parquet", "report.html"])
+    assert sorted(files_in(at / "clean")) == sorted(
+        [
+            *recordings,
+            *(f"episodes/{name.removesuffix('.mcap')}.html" for name in recordings),
+            "episodes/plotly.min.js",
+            "manifest.json",
+            "quality.json",
+            "quality.parquet",
+            "report.html",
+        ]
+    )
     assert {"robomimic.hdf5", "robomimic.manifest.json", "lerobot.manifest.json"} <= set(files_in(at / "dataset"))
     assert {"manifest.json", "config.json", "policy.json", "weights.safetensors", "metrics.jsonl"} <= set(
         files_in(at / "run")

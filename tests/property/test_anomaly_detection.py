@@ -7,10 +7,10 @@ from force.planted import FAULTS, RAW
 from wrenchflow.collect.config import CollectConfig
 from wrenchflow.collect.session import demonstrate
 from wrenchflow.process.anomalies.detect import detect
+from wrenchflow.process.clean import clean_episode
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.contact import CONTACT, in_contact
-from wrenchflow.process.pipeline import process_episode
-from wrenchflow.process.quality import GUARD_NS
+from wrenchflow.process.metrics.figure import GUARD_NS
 from wrenchflow.process.stamps import finite
 from wrenchflow.rig import rig_of
 
@@ -20,7 +20,7 @@ UNWEIGHED = "wrong-payload"  # These demonstrations turn the tool too little to 
 @pytest.fixture(scope="module", params=["peg-insertion", "surface-wiping", "connector-insertion"])
 def demonstration(request):
     episode = demonstrate(0, CollectConfig(task=request.param, operator="emulated", seed=77))
-    return episode, process_episode(episode, ProcessConfig())[0].events_of(CONTACT)
+    return episode, clean_episode(episode, ProcessConfig()).episode.events_of(CONTACT)
 
 
 def found_in(episode, contacts):

@@ -5,7 +5,9 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from wrenchflow.errors import ConfigError
-from wrenchflow.filtering import CausalLowpass, lowpass, window_mean, zero_phase
+from wrenchflow.filtering import CausalFilter, CausalLowpass, lowpass, window_mean, without_lag, zero_phase
+from wrenchflow.force_filter import LONGEST_MEDIAN, FilterConfig
+from wrenchflow.running_median import CausalMedian, centred_median
 
 seeds = st.integers(0, 2**32 - 1)
 cuts = st.lists(st.integers(0, 200), max_size=8).map(sorted)
@@ -108,3 +110,66 @@ def test_an_impossible_filter_is_refused(cutoff_hz: float, order: int):
 def test_short_data_is_filtered_too():
     for rows in (0, 1, 2, 10):
         assert zero_phase(np.ones((rows, 6)), 40.0, 1000.0).shape == (rows, 6)
+
+
+# ---- the median, and the two of them in a row
+
+odd = st.integers(1, 7).map(lambda half: 2 * half + 1)
+
+
+@given(seeds, cuts, st.sampled_from([3, 6]), odd, st.integers(1, 6))
+def test_median_and_low_pass_in_any_chunks_give_the_bits_of_the_whole(seed, at, width, samples, order):
+    config = FilterConfig(cutoff_hz=60.0, order=order, median_samples=samples)
+    data = noise(seed, width=width)
+    data[np.random.default_rng(seed).random(200) < 0.02] = np.nan
+    whole = CausalFilter(config, 1000.0, width).push(data)
+    running = CausalFilter(config, 1000.0, width)
+    assert np.concatenate([running.push(part) for part in np.split(data, at)]).tobytes() == whole.tobytes()
+
+
+@given(seeds, odd)
+def test_the_medians_are_those_of_numpy_and_one_is_the_other_later(seed: int, samples: int):
+    data, half = noise(seed, width=3), samples // 2
+    windows = np.lib.stride_tricks.sliding_window_view(data, samples, axis=0)
+    expected = np.median(windows, axis=-1)
+    np.testing.assert_array_equal(CausalMedian(samples, 3).push(data)[samples - 1 :], expected)
+    np.testing.assert_array_equal(centred_median(data, samples)[half:-half], expected)
+
+
+@given(seeds, odd, st.integers(1, 7))
+def test_a_spike_of_less_than_half_the_median_leaves_no_trace(seed: int, samples: int, length: int):
+    spiky = np.full((200, 1), 3.0)
+    at = 20 + seed % 150
+    spiky[at : at + min(length, samples // 2)] = 1e4
+    config = FilterConfig(median_samples=samples)
+    for out in (CausalFilter(config, 1000.0, 1).push(spiky), without_lag(spiky, config, 1000.0)):
+        np.testing.assert_allclose(out, 3.0, atol=1e-9)
+
+
+def test_the_lag_of_a_ramp_through_both_is_the_one_written_down():
+    ramp = np.arange(1000.0)[:, None]  # One unit a sample: the lag in samples is what is missing.
+    for config in (FilterConfig(), FilterConfig(cutoff_hz=20.0, order=3, median_samples=9)):
+        running = CausalFilter(config, 1000.0, 1)
+        lag_s = (ramp[500:] - running.push(ramp)[500:]) * 1e-3
+        np.testing.assert_allclose(lag_s, running.group_delay_s, rtol=1e-6)
+        np.testing.assert_allclose(without_lag(ramp, config, 1000.0)[300:700], ramp[300:700], atol=1e-6)
+
+
+def test_after_a_restart_nothing_is_remembered():
+    config = FilterConfig(median_samples=5)
+    data, running = noise(0), CausalFilter(FilterConfig(median_samples=5), 1000.0)
+    running.push(noise(1))
+    running.restart()
+    assert running.push(data).tobytes() == CausalFilter(config, 1000.0).push(data).tobytes()
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4, -3, LONGEST_MEDIAN + 2])
+def test_a_median_without_a_middle_is_refused(samples: int):
+    with pytest.raises(ConfigError, match=r"filter\.median_samples is .* expected 0 or an odd number from 3"):
+        FilterConfig(median_samples=samples)
+
+
+@pytest.mark.parametrize("order", [0, 13])
+def test_an_impossible_order_is_refused(order: int):
+    with pytest.raises(ConfigError, match=r"filter\.order is"):
+        FilterConfig(order=order)

@@ -9,12 +9,15 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from wrenchflow.errors import CheckpointError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.observation import Steps
 from wrenchflow.policy.checkpoint import load_policy, require_fit, save
 from wrenchflow.policy.config import MlpConfig, PolicyConfig
 from wrenchflow.policy.features import ACTION_COLUMNS, ACTION_FLOORS, Features
 from wrenchflow.policy.learned import LearnedPolicy
 from wrenchflow.policy.normaliser import fit_actions, fit_observations
+
+FELT = FilterConfig(cutoff_hz=40.0, order=3, median_samples=5)
 
 
 @pytest.fixture
@@ -27,6 +30,7 @@ def policy() -> LearnedPolicy:
         50_000_000,
         fit_observations(rng.normal(size=(50, 9)).astype(np.float32), features.columns, features.floors),
         fit_actions(rng.normal(size=(50, 9)).astype(np.float32), ACTION_COLUMNS, ACTION_FLOORS),
+        FELT,
     ).eval()
 
 
@@ -45,6 +49,7 @@ def test_a_policy_comes_back_the_same_bit_for_bit(policy, run, tmp_path):
     assert loaded.config == policy.config
     assert loaded.features == policy.features
     assert loaded.period_ns == policy.period_ns
+    assert loaded.wrench_filter == policy.wrench_filter == FELT
     observations = np.random.default_rng(1).normal(size=(2, 2, 9)).astype(np.float32)
     goal = np.array([[0.5, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]] * 2)
     first, second = (p.act(observations, goal, [np.random.default_rng(i) for i in (0, 1)]) for p in (policy, loaded))
@@ -128,6 +133,7 @@ def test_data_that_lack_what_the_policy_sees_do_not_fit(policy):
         period_ns=50_000_000,
         observations=observations,
         actions=np.zeros((count, 9), np.float32),
+        wrench_filter=FELT,
     )
     require_fit(policy, [steps])
     blind = dataclasses.replace(steps, observations={k: v for k, v in observations.items() if k != "wrench"})
@@ -135,3 +141,5 @@ def test_data_that_lack_what_the_policy_sees_do_not_fit(policy):
         require_fit(policy, [blind])
     with pytest.raises(CheckpointError, match="every 100000000 ns, expected every 50000000 ns"):
         require_fit(policy, [dataclasses.replace(steps, period_ns=100_000_000)])
+    with pytest.raises(CheckpointError, match=r"wrench through .*cutoff_hz=20.*, expected through .*cutoff_hz=40"):
+        require_fit(policy, [dataclasses.replace(steps, wrench_filter=FilterConfig(cutoff_hz=20.0))])

@@ -9,9 +9,12 @@ from scipy.spatial.transform import Rotation
 from wrenchflow.episode import Stream
 from wrenchflow.errors import StreamError
 from wrenchflow.filtering import lowpass, zero_phase
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.process.calibration import Bias
 from wrenchflow.process.compensation import WrenchPipeline
-from wrenchflow.process.filters import causal_wrench, zero_phase_wrench
+from wrenchflow.process.config import InertiaConfig
+from wrenchflow.process.filters import causal_wrench
+from wrenchflow.process.filters import zero_phase_wrench as zero_phase_and_more
 from wrenchflow.process.stamps import held_pose
 from wrenchflow.rig import load_rig
 from wrenchflow.signals import POSE, WRENCH
@@ -27,6 +30,12 @@ SKEW = replace(
     payload=replace(RIG.payload, com_sensor_m=(0.01, -0.015, 0.05)),
 )
 ZERO = np.zeros(6)
+FILTER = FilterConfig()
+
+
+def zero_phase_wrench(raw, pose, rig, bias, filter):
+    """Without a twist nothing is known of inertia."""
+    return zero_phase_and_more(raw, pose, None, rig, bias, filter, InertiaConfig()).wrench
 
 
 def random_rotations(seed, count):
@@ -80,7 +89,7 @@ def test_offline_is_live(recording, true_bias):
     """A running robot that is fed chunk by chunk gets the bits that `process` writes."""
     episode = recording()
     raw, pose = episode["wrench_raw"], episode["tcp_pose"]
-    offline = causal_wrench(raw, pose, RIG, true_bias_of(true_bias), 40.0)
+    offline = causal_wrench(raw, pose, RIG, true_bias_of(true_bias), FILTER)
     live = WrenchPipeline(RIG, true_bias)
     _, held = held_pose(pose, raw.t)
     rows = [live.push(raw.t[i : i + 17], raw.data[i : i + 17], held[i : i + 17, 3:]) for i in range(0, len(raw), 17)]
@@ -97,7 +106,7 @@ def test_a_push_is_recovered_from_a_recording_within_2_percent_or_50_mn(recordin
     episode = recording(push_n=(1.0, 3.0, -10.0))
     bias = true_bias_of(true_bias)
     for run in (causal_wrench, zero_phase_wrench):
-        clean = run(episode["wrench_raw"], episode["tcp_pose"], RIG, bias, 40.0)
+        clean = run(episode["wrench_raw"], episode["tcp_pose"], RIG, bias, FILTER)
         got = clean.data[1100:1450, :3].mean(axis=0)
         np.testing.assert_allclose(got, [1.0, 3.0, -10.0], rtol=0.02, atol=0.05)
         np.testing.assert_allclose(clean.data[1100:1450, 3:].mean(axis=0), 0.0, atol=0.005)
@@ -106,8 +115,8 @@ def test_a_push_is_recovered_from_a_recording_within_2_percent_or_50_mn(recordin
 def test_a_force_sensor_takes_the_same_path_on_three_columns(recording, true_bias):
     six, three = recording(), recording(force_only=True)
     for run in (causal_wrench, zero_phase_wrench):
-        clean = run(six["wrench_raw"], six["tcp_pose"], RIG, true_bias_of(true_bias), 40.0)
-        force = run(three["wrench_raw"], three["tcp_pose"], RIG, true_bias_of(true_bias[:3]), 40.0)
+        clean = run(six["wrench_raw"], six["tcp_pose"], RIG, true_bias_of(true_bias), FILTER)
+        force = run(three["wrench_raw"], three["tcp_pose"], RIG, true_bias_of(true_bias[:3]), FILTER)
         assert force.signal.columns == ("fx", "fy", "fz")
         assert force.data.tobytes() == np.ascontiguousarray(clean.data[:, :3]).tobytes()
 
@@ -121,7 +130,7 @@ def test_the_pose_of_a_sample_is_the_last_one_before_it(recording, true_bias):
 
     episode = recording()
     late = episode["tcp_pose"].between(int(episode["tcp_pose"].t[100]), 2**62)
-    clean = causal_wrench(episode["wrench_raw"], late, RIG, true_bias_of(true_bias), 40.0)
+    clean = causal_wrench(episode["wrench_raw"], late, RIG, true_bias_of(true_bias), FILTER)
     assert clean.t[0] == late.t[0]
 
 
@@ -130,11 +139,11 @@ def test_a_gap_starts_the_filter_anew(recording, true_bias):
     raw = episode["wrench_raw"]
     keep = np.r_[0:1200, 1230:2000]
     gappy = replace(raw, t=raw.t[keep], data=raw.data[keep])
-    clean = causal_wrench(gappy, episode["tcp_pose"], RIG, true_bias_of(true_bias), 40.0)
+    clean = causal_wrench(gappy, episode["tcp_pose"], RIG, true_bias_of(true_bias), FILTER)
     unfiltered = WrenchPipeline(RIG, true_bias).compensate(gappy.data, episode["tcp_pose"].data[keep, 3:])
     assert clean.data[:1200].tobytes() == lowpass(unfiltered[:1200], 40.0, 1000.0).tobytes()
     assert clean.data[1200:].tobytes() == lowpass(unfiltered[1200:], 40.0, 1000.0).tobytes()
-    labels = zero_phase_wrench(gappy, episode["tcp_pose"], RIG, true_bias_of(true_bias), 40.0)
+    labels = zero_phase_wrench(gappy, episode["tcp_pose"], RIG, true_bias_of(true_bias), FILTER)
     np.testing.assert_array_equal(labels.t, clean.t)
     expected = [zero_phase(part, 40.0, 1000.0) for part in np.split(unfiltered, [1200])]
     np.testing.assert_array_equal(labels.data, np.concatenate(expected))
@@ -147,7 +156,7 @@ def test_what_is_not_finite_is_left_out_and_does_not_spread(recording, true_bias
     data[700, 1] = value
     raw = replace(episode["wrench_raw"], data=data)
     for run in (causal_wrench, zero_phase_wrench):
-        clean = run(raw, episode["tcp_pose"], RIG, true_bias_of(true_bias), 40.0)
+        clean = run(raw, episode["tcp_pose"], RIG, true_bias_of(true_bias), FILTER)
         assert len(clean) == 1999
         assert raw.t[700] not in clean.t
         assert np.isfinite(clean.data).all()
@@ -161,9 +170,9 @@ def test_uneven_sampling_is_refused_in_one_line(recording, true_bias):
     off_by_three_percent = np.arange(len(raw)) * 1_030_000
     for t in (raw.t + jitter, slow, off_by_three_percent):
         with pytest.raises(StreamError, match=r"'wrench_raw' is unevenly sampled: got steps of .* expected 1 ms"):
-            causal_wrench(replace(raw, t=t), episode["tcp_pose"], RIG, true_bias_of(true_bias), 40.0)
+            causal_wrench(replace(raw, t=t), episode["tcp_pose"], RIG, true_bias_of(true_bias), FILTER)
     mild = np.random.default_rng(0).integers(-100_000, 100_000, len(raw))
-    assert len(causal_wrench(replace(raw, t=raw.t + mild), episode["tcp_pose"], RIG, true_bias_of(true_bias), 40.0))
+    assert len(causal_wrench(replace(raw, t=raw.t + mild), episode["tcp_pose"], RIG, true_bias_of(true_bias), FILTER))
 
 
 def test_a_pose_that_is_none_is_refused(recording, true_bias):
@@ -172,5 +181,5 @@ def test_a_pose_that_is_none_is_refused(recording, true_bias):
     data[300, 3:] = 0.0
     with pytest.raises(StreamError, match="no unit quaternion for 5300000000 ns: got length 0"):
         causal_wrench(
-            episode["wrench_raw"], replace(episode["tcp_pose"], data=data), RIG, true_bias_of(true_bias), 40.0
+            episode["wrench_raw"], replace(episode["tcp_pose"], data=data), RIG, true_bias_of(true_bias), FILTER
         )

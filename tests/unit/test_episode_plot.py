@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from plotly.graph_objects import Figure
 
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import StreamError
-from wrenchflow.pages.episode_plot import episode_figure
+from wrenchflow.pages import episode_plot
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.pipeline import process_episode
 from wrenchflow.signals import POSE
@@ -20,6 +21,12 @@ def clean(episode: Episode) -> Episode:
 def with_pose(episode: Episode, name: str, position_m: list[float]) -> Episode:
     t = episode["tcp_pose"].t[:1]
     return episode.with_stream(name, Stream(t, np.array([[*position_m, 1.0, 0.0, 0.0, 0.0]]), POSE, "base"))
+
+
+def episode_figure(episode: Episode, title: str, *, points: int = 1000) -> Figure:
+    """As plotly's own objects, which take nothing that plotly does not know."""
+    drawing = episode_plot.episode_figure(episode, title, points=points)
+    return Figure(drawing.data, drawing.layout)
 
 
 def traces(figure) -> dict[str, object]:

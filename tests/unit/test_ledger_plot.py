@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from plotly.graph_objects import Figure
 
 from wrenchflow.control.safeguards import HOLD, LEASH, MODES, NO_CAUSE, RUN, SAFEGUARDS, SILENCE, SPEED
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.errors import StreamError
+from wrenchflow.pages import episode_plot, ledger_plot
 from wrenchflow.pages.attempts import attempts_section
-from wrenchflow.pages.episode_plot import episode_figure
-from wrenchflow.pages.ledger_plot import ledger_figure
+from wrenchflow.pages.drawing import Drawing
 from wrenchflow.signals import GOVERNOR
 
 TICK = 1_000_000
@@ -29,6 +30,19 @@ def governed(episode: Episode) -> Episode:
     column["fed"][:] = 5e-5
     names = {"modes": list(MODES), "safeguards": list(SAFEGUARDS)}
     return episode.with_stream("governor", Stream(t, data, GOVERNOR, "base")).with_meta(governor=names)
+
+
+def as_plotly(drawing: Drawing) -> Figure:
+    """As plotly's own objects, which take nothing that plotly does not know."""
+    return Figure(drawing.data, drawing.layout)
+
+
+def episode_figure(episode: Episode, title: str) -> Figure:
+    return as_plotly(episode_plot.episode_figure(episode, title))
+
+
+def ledger_figure(episode: Episode, title: str, *, points: int = 1000) -> Figure:
+    return as_plotly(ledger_plot.ledger_figure(episode, title, points=points))
 
 
 def lines(figure) -> dict[str, object]:

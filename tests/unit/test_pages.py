@@ -1,12 +1,10 @@
 """The pages as HTML: well formed, without a network, with every figure, the same at each run."""
 
 import json
-import re
-from functools import cache
-from html.parser import HTMLParser
 
 import pytest
 
+from browsing.document import assert_needs_no_network, read
 from wrenchflow.deploy.evaluation import Verdict, summarise
 from wrenchflow.episode import Episode, Event
 from wrenchflow.pages.evaluation import evaluation_page
@@ -16,47 +14,7 @@ from wrenchflow.pages.result_plots import peak_force_figure, training_figure
 from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.pipeline import process_episode
 
-VOID = {"meta", "link", "br", "rect", "line"}
 LINKS = [("Raw recordings", "raw/"), ("The HDF5 file", "dataset/robomimic.hdf5")]
-
-
-class Document(HTMLParser):
-    """What a page holds, read by the standard library's parser; a tag out of place is an error."""
-
-    def __init__(self, html: str):
-        super().__init__()
-        self.html, self.open, self.tags, self.text = html, [], [], []
-        self.feed(html)
-        self.close()
-        assert not self.open, f"not closed: {self.open}"
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1] not in ("script", "style"):
-            self.text.append(data)
-        elif self.open:
-            self.tags[-1][1].setdefault("content", data)
-
-    def all(self, tag):
-        return [attrs for name, attrs in self.tags if name == tag]
-
-    @property
-    def said(self) -> str:
-        return " ".join(" ".join(self.text).replace("\u00a0", " ").split())
-
-    @property
-    def figures(self) -> list[dict]:
-        return [json.loads(each["content"]) for each in self.all("script") if each.get("type") == "application/json"]
 
 
 @pytest.fixture
@@ -117,23 +75,6 @@ def make_page(clean, failed, recording):
 
     make.again = draw
     return make
-
-
-@cache
-def read(html: str) -> Document:
-    return Document(html)
-
-
-def assert_needs_no_network(html: str) -> None:
-    document = read(html)
-    assert not [attrs for _, attrs in document.tags if {"src", "srcset", "action", "poster"} & set(attrs)]
-    assert {attrs["href"] for attrs in document.all("link")} == {"data:,"}
-    assert not {"img", "iframe", "object", "embed", "base", "video", "audio"} & {tag for tag, _ in document.tags}
-    assert all(not re.match(r"[a-z]+:|//", attrs["href"]) for attrs in document.all("a"))
-    assert not re.search(r"url\(|@import", " ".join(each["content"] for each in document.all("style")))
-    policy = next(each["content"] for each in document.all("meta") if "http-equiv" in each)
-    assert "default-src 'none'" in policy
-    assert "http" not in policy
 
 
 def test_the_page_is_well_formed_and_needs_no_network(make_page, summary):
@@ -233,7 +174,7 @@ def test_text_from_outside_is_only_text(summary, clean):
 
 def test_no_text_of_a_figure_ends_its_script():
     figure = training_figure({"steps": [1, 2], "loss": [0.2, 0.1]})
-    figure.update_layout(title_text="</script><!-- <script>")
+    figure.layout["title"] = {"text": "</script><!-- <script>"}
     (read_back,) = read(plot_block(figure, "a")).figures
     assert read_back["layout"]["title"]["text"] == "</script><!-- <script>"
 
@@ -267,9 +208,9 @@ def test_evaluation_takes_what_deploy_sums_up(failed, failures):
 
 def test_a_peak_at_the_limit_is_under_it():
     under, over = peak_force_figure([9.5, 25.0, 25.1, 26.0, 40.0], 25.0).data
-    assert (list(under.x), list(under.y)) == ([9.5, 24.5], [1, 1])
-    assert (list(over.x), list(over.y)) == ([25.5, 39.5], [2, 1])
+    assert (list(under["x"]), list(under["y"])) == ([9.5, 24.5], [1, 1])
+    assert (list(over["x"]), list(over["y"])) == ([25.5, 39.5], [2, 1])
 
 
 def test_training_without_validation_is_one_line():
-    assert [line.name for line in training_figure({"steps": [1, 2], "loss": [0.2, 0.1]}).data] == ["training"]
+    assert [line["name"] for line in training_figure({"steps": [1, 2], "loss": [0.2, 0.1]}).data] == ["training"]

@@ -17,6 +17,7 @@ from wrenchflow.deploy.link import Link
 from wrenchflow.deploy.rollout import Rollout, roll_out
 from wrenchflow.describe import describe
 from wrenchflow.errors import ConfigError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.policy.config import MlpConfig, PolicyConfig
 from wrenchflow.policy.features import ACTION_COLUMNS, ACTION_FLOORS, FORCE_GROUPS, WITH_FORCE, WITHOUT_FORCE, Features
 from wrenchflow.policy.learned import LearnedPolicy
@@ -51,6 +52,7 @@ class Prodder:
     n_obs_steps: int = 2
     horizon: int = 4
     n_action_steps: int = 1
+    wrench_filter: FilterConfig = field(default_factory=FilterConfig)
     shown: list[np.ndarray] = field(default_factory=list)
 
     def act(self, observations, goal_pose, rngs):
@@ -82,15 +84,24 @@ def run(attempt: Attempt, policy: Policy, **link: float) -> Rollout:
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "latency_ms", "groups"), [(20, 0, WITH_FORCE), (10, 70, WITH_FORCE), (20, 0, WITHOUT_FORCE)]
+    ("rate_hz", "latency_ms", "groups", "felt"),
+    [
+        (20, 0, WITH_FORCE, FilterConfig()),
+        (10, 70, WITH_FORCE, FilterConfig()),
+        (20, 0, WITHOUT_FORCE, FilterConfig()),
+        (20, 0, WITH_FORCE, FilterConfig(cutoff_hz=25.0, order=3, median_samples=5)),
+    ],
 )
-def test_what_the_policy_saw_is_what_training_computes_from_the_file(attempt, tmp_path, rate_hz, latency_ms, groups):
-    policy = Prodder(features=Features(groups), period_ns=1000 * MS // rate_hz)
+def test_what_the_policy_saw_is_what_training_computes_from_the_file(
+    attempt, tmp_path, rate_hz, latency_ms, groups, felt
+):
+    policy = Prodder(features=Features(groups), period_ns=1000 * MS // rate_hz, wrench_filter=felt)
     rollout = run(attempt, policy, latency_s=1e-3 * latency_ms)
     write_episode(tmp_path / "rollout.mcap", rollout.episode("rollout"))
 
-    clean, _ = process_episode(read_episode(tmp_path / "rollout.mcap"), ProcessConfig())
+    clean, _ = process_episode(read_episode(tmp_path / "rollout.mcap"), ProcessConfig(filter=felt))
     steps = to_steps(clean, rate_hz)
+    assert steps.wrench_filter == felt
     assert steps.t[0] == attempt.start_ns
     # The last step has no action yet that training could learn.
     assert 0 <= len(rollout.seen) - len(steps) <= 1

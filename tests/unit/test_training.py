@@ -13,6 +13,7 @@ from wrenchflow.datasets import robomimic
 from wrenchflow.datasets.keys import About
 from wrenchflow.datasets.split import validation_ids
 from wrenchflow.errors import CheckpointError, ConfigError, DatasetError, OutputError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.observation import OBSERVATIONS, Steps
 from wrenchflow.policy.checkpoint import load_policy
 from wrenchflow.policy.config import DiffusionConfig, MlpConfig, PolicyConfig, UnetConfig
@@ -190,6 +191,10 @@ def test_the_average_forgets_where_it_started_and_follows():
     [
         (lambda steps: [], "no episodes"),
         (lambda steps: [steps[0], dataclasses.replace(steps[1], period_ns=1)], "one period for all"),
+        (
+            lambda steps: [steps[0], dataclasses.replace(steps[1], wrench_filter=FilterConfig(order=2))],
+            "one filter for all",
+        ),
         (lambda steps: [dataclasses.replace(steps[0], observations={})], "0000 lacks observation 'tcp_pose'"),
         (
             lambda steps: [dataclasses.replace(steps[0], actions=np.full_like(steps[0].actions, np.nan))],

@@ -84,7 +84,7 @@ def _lerobot(config: CollectConfig, keys: Keys) -> TeleopDevice:
         raise DeviceError("no teleoperator of LeRobot is named: give --device.kind, such as so101_leader or phone.")
     leader = None
     if device.is_leader:
-        _, rig, _ = scenery(config.task, config.rig)
+        _, rig, _ = scenery(config.task, config.rig, config.calibration)
         leader = LeaderConfig(
             kinematics=panda_tcp(np.array(rig.T_flange_tcp)),
             units=device.units,

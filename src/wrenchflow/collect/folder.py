@@ -76,7 +76,7 @@ def collect_folder(
         StartupError: If the cell is not fit to be started.
         DeviceError: If a device is not there, or was lost.
     """
-    _, rig, _ = scenery(config.task, config.rig)
+    _, rig, _ = scenery(config.task, config.rig, config.calibration)
     config = without_what_cannot_be_drawn(config)
     views_of(config, rig)
     require_operator(config)

@@ -57,7 +57,7 @@ def demonstrate_in_real_time(
         OutputError: If the recorder cannot begin, or its writer dies; the arm holds first.
     """
     config = compliant(config)
-    task, rig, model = scenery(config.task, config.rig)
+    task, rig, model = scenery(config.task, config.rig, config.calibration)
     views = views_of(config, rig)
     name = id_of(config, index)
     desk = desk or Desk()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchflow import signals
+from wrenchflow.calibration import calibration_meta
 from wrenchflow.collect.config import PEOPLE, CollectConfig
 from wrenchflow.collect.demonstration import id_of
 from wrenchflow.collect.devices.device import TeleopDevice
@@ -47,7 +48,7 @@ def demonstrate(
         box: Where rows are stored, so that something is left if the attempt does not end well.
         without: Safeguards that are left out, to see what each is worth.
     """
-    task, rig, model = scenery(config.task, config.rig)
+    task, rig, model = scenery(config.task, config.rig, config.calibration)
     config = compliant(config)
     views = views_of(config, rig)
     album = Album(views)
@@ -86,7 +87,7 @@ def known_of(config: CollectConfig, index: int) -> dict[str, Any]:
     """What is known of an attempt by who runs it, before it begins."""
     # How many there are is nothing to any of them.
     configured = {name: value for name, value in to_mapping(config).items() if name != "episodes"}
-    known = {"operator": config.operator, "collect": configured}
+    known = {"operator": config.operator, "collect": configured, **calibration_meta(config.calibration)}
     if config.operator not in (*PEOPLE, "hand-guided"):
         known["device"] = {"name": "emulated-spacemouse", "full_scale_counts": FULL_SCALE_COUNTS}
     if config.operator not in ("emulated", "hand-guided"):

@@ -12,8 +12,8 @@ def require_exportable(steps: Sequence[Steps]) -> None:
     """Refuse steps that cannot make one data set.
 
     Raises:
-        DatasetError: If there are none, an episode is empty or there twice, their periods differ, or an observation is
-            missing, of another shape or type, or not finite.
+        DatasetError: If there are none, an episode is empty or there twice, their periods or filters differ, or an
+            observation is missing, of another shape or type, or not finite.
     """
     if not steps:
         raise DatasetError("there is no episode to export.")
@@ -28,6 +28,11 @@ def require_exportable(steps: Sequence[Steps]) -> None:
             raise DatasetError(
                 f"episode {one.episode_id} has a step every {one.period_ns} ns, expected {steps[0].period_ns} ns as in "
                 f"episode {steps[0].episode_id}."
+            )
+        if one.wrench_filter != steps[0].wrench_filter:
+            raise DatasetError(
+                f"episode {one.episode_id} has a wrench through {one.wrench_filter}, expected {steps[0].wrench_filter} "
+                f"as in episode {steps[0].episode_id}."
             )
         for name, shape in OBSERVATIONS.items():
             if name not in one.observations:

@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
+from wrenchflow.config import from_mapping
 from wrenchflow.episode import Episode
 from wrenchflow.errors import ConfigError, DatasetError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.observation import Steps, actions, observe
 
 DEFAULT_RATE_HZ = Fraction(20)
@@ -36,6 +39,21 @@ def is_success(episode: Episode) -> bool:
     """Whether the recording says that the attempt succeeded; False where it says nothing."""
     result = episode.meta.get("result")
     return isinstance(result, Mapping) and result.get("success") is True
+
+
+def filter_of(episode: Episode) -> FilterConfig:
+    """What `process` says that it filtered the wrench with; the usual filter where it says nothing.
+
+    Raises:
+        DatasetError: If what it says is no filter.
+    """
+    said: Any = episode.meta
+    for key in ("process", "config", "filter"):
+        said = said.get(key, {}) if isinstance(said, Mapping) else {}
+    try:
+        return from_mapping(FilterConfig, said)
+    except ConfigError as error:
+        raise DatasetError(f"episode {episode.id} says nothing sensible of its filter: {error}") from error
 
 
 def to_steps(episode: Episode, rate_hz: Fraction | int = DEFAULT_RATE_HZ) -> Steps:
@@ -77,6 +95,7 @@ def to_steps(episode: Episode, rate_hz: Fraction | int = DEFAULT_RATE_HZ) -> Ste
             observations=observe(episode.streams, t),
             actions=actions(episode.streams, t, period_ns),
             success=is_success(episode),
+            wrench_filter=filter_of(episode),
         )
     except DatasetError as error:
         raise DatasetError(f"episode {episode.id}: {error}") from error

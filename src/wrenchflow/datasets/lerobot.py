@@ -6,6 +6,7 @@ What LeRobot has no place for (ids, success, units, how the wrench was made) is 
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from wrenchflow.config import from_mapping
 from wrenchflow.datasets import lerobot_layout as layout
 from wrenchflow.datasets.checks import require_exportable, require_values
 from wrenchflow.datasets.grid import rate_of
 from wrenchflow.datasets.keys import About, from_keys, to_keys
 from wrenchflow.datasets.summary import summarise
-from wrenchflow.errors import DatasetError, RecordingError
+from wrenchflow.errors import ConfigError, DatasetError, RecordingError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.manifest import output_folder, read_json, write_json
 from wrenchflow.observation import ACTION_WIDTH, Steps
 
@@ -84,11 +87,14 @@ def read(folder: Path) -> list[Steps]:
             raise DatasetError(
                 f"{where} has {len(episodes)} episodes, but {layout.OURS} names {len(ours['episodes'])}."
             )
-        return [
+        # Without it, as it was before it could be set.
+        felt = from_mapping(FilterConfig, ours.get("wrench_filter", {}), "wrench_filter")
+        steps = [
             _read_steps(table, said, int(ours["period_ns"]), f"{where}: episode {said['id']}")
             for table, said in zip(_read_rows(folder, episodes), ours["episodes"], strict=True)
         ]
-    except (KeyError, TypeError, ValueError, OSError, pa.ArrowException) as error:
+        return [replace(one, wrench_filter=felt) for one in steps]
+    except (ConfigError, KeyError, TypeError, ValueError, OSError, pa.ArrowException) as error:
         raise DatasetError(f"{where} cannot be read as a LeRobot data set: {error}") from error
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from wrenchflow.config import to_mapping
 from wrenchflow.datasets.keys import ACTION_COLUMNS, ACTION_RULE, ACTION_UNITS, KEYS, About, Key
 from wrenchflow.datasets.split import validation_ids
 from wrenchflow.observation import ACTION_WIDTH, WINDOW_LENGTH, Steps
@@ -102,6 +103,7 @@ def ours(steps: Sequence[Steps], about: About, valid_fraction: float) -> dict[st
         "format": FORMAT_VERSION,
         "period_ns": steps[0].period_ns,
         "about": asdict(about),
+        "wrench_filter": to_mapping(steps[0].wrench_filter),
         "episodes": [
             {"id": one.episode_id, "success": one.success, "split": "valid" if one.episode_id in valid else "train"}
             for one in steps

@@ -6,6 +6,7 @@ What robomimic has no place for (times, units, frames, how actions were scaled) 
 import json
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,13 @@ import numpy as np
 from jaxtyping import Float32
 
 from wrenchflow import __version__
+from wrenchflow.config import from_mapping, to_mapping
 from wrenchflow.datasets.checks import require_exportable, require_values
 from wrenchflow.datasets.grid import rate_of
 from wrenchflow.datasets.keys import ACTION_COLUMNS, ACTION_RULE, ACTION_UNITS, KEYS, About, Key, from_keys, to_keys
 from wrenchflow.datasets.split import validation_ids
-from wrenchflow.errors import DatasetError, OutputError
+from wrenchflow.errors import ConfigError, DatasetError, OutputError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.observation import ACTION_WIDTH, Steps
 
 FORMAT_VERSION = 1
@@ -97,6 +100,7 @@ def _write_all(file: h5py.File, steps: Sequence[Steps], about: About, valid_frac
     data.attrs["wrench_stage"] = about.wrench_stage
     if about.wrench_group_delay_s is not None:
         data.attrs["wrench_group_delay_s"] = about.wrench_group_delay_s
+    data.attrs["wrench_filter"] = json.dumps(to_mapping(steps[0].wrench_filter))
     data.attrs["action_scale"] = scale
     data.attrs["action_columns"] = ACTION_COLUMNS
     data.attrs["action_units"] = ACTION_UNITS
@@ -159,7 +163,9 @@ def _read_all(file: h5py.File, path: Path) -> list[Steps]:
         if not (name.startswith("demo_") and name.removeprefix("demo_").isdecimal()):
             raise DatasetError(f"{where}: /data holds '{name}', expected names of the form demo_0.")
     names.sort(key=lambda name: int(name.removeprefix("demo_")))
+    felt = _read_filter(data, where)
     steps = [_read_demo(data[name], scale, period_ns, f"{where}: {name}") for name in names]
+    steps = [replace(one, wrench_filter=felt) for one in steps]
     if not steps:
         raise DatasetError(f"{where} holds no episode.")
     total = sum(len(one) for one in steps)
@@ -171,6 +177,15 @@ def _read_all(file: h5py.File, path: Path) -> list[Steps]:
             if member.decode() not in names:
                 raise DatasetError(f"{where}: mask '{mask}' names '{member.decode()}', which is not in /data.")
     return steps
+
+
+def _read_filter(data: h5py.Group, where: str) -> FilterConfig:
+    if "wrench_filter" not in data.attrs:  # As it was before it could be set.
+        return FilterConfig()
+    try:
+        return from_mapping(FilterConfig, json.loads(_attribute(data, "wrench_filter", str, where)), "wrench_filter")
+    except (ValueError, ConfigError) as error:
+        raise DatasetError(f"{where}: attribute 'wrench_filter' describes no filter: {error}") from error
 
 
 def _read_demo(demo: object, scale: Float32[np.ndarray, " 9"], period_ns: int, where: str) -> Steps:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32
 
+from wrenchflow.calibration import calibration_meta
 from wrenchflow.config import to_mapping
 from wrenchflow.control.controller import TICK_NS
 from wrenchflow.control.packet import MOST_WAYPOINTS
@@ -18,6 +19,7 @@ from wrenchflow.deploy.virtual_mailbox import VirtualMailbox
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.observation import HISTORY_NS, observe
 from wrenchflow.policy.policy import Policy
+from wrenchflow.process.config import ProcessConfig
 from wrenchflow.process.live import LiveWrench
 from wrenchflow.recording.black_box import BlackBox
 from wrenchflow.rig import Rig
@@ -43,7 +45,8 @@ class Rollout:
     def __init__(self, attempt: Attempt, policy: Policy, link: Link) -> None:
         """Begin at the end of the tare; `link` is the way of the policy's plans to the arm."""
         self.attempt, self._policy = attempt, policy
-        self._feel = LiveWrench(streams_of(attempt.plant.recorded), attempt.tare, attempt.rig)
+        felt = ProcessConfig(filter=policy.wrench_filter)
+        self._feel = LiveWrench(streams_of(attempt.plant.recorded), attempt.tare, attempt.rig, felt)
         self._felt = attempt.plant.count  # Rows whose wrench has been worked off.
         self._mailbox, self._receipts = VirtualMailbox(link, attempt.link_rng), Receipts(attempt)
         self._t_ns = attempt.start_ns
@@ -143,7 +146,12 @@ def roll_out(
         rollout = Rollout(attempt, policy, config.link)
         rollouts.append(rollout)
         if box is not None:
-            box.tell = partial(rollout.episode, rollout_id(config, index), deploy=to_mapping(config))
+            box.tell = partial(
+                rollout.episode,
+                rollout_id(config, index),
+                deploy=to_mapping(config),
+                **calibration_meta(config.calibration),
+            )
     step = 0
     while running := [rollout for rollout in rollouts if not rollout.over]:
         observations = np.stack([rollout.look() for rollout in running])
@@ -156,7 +164,7 @@ def roll_out(
             rollout.follow()
         step += 1
     return [
-        rollout.episode(rollout_id(config, index), deploy=to_mapping(config))
+        rollout.episode(rollout_id(config, index), deploy=to_mapping(config), **calibration_meta(config.calibration))
         for index, rollout in zip(indices, rollouts, strict=True)
     ]
 

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from wrenchflow.calibration import calibration_meta
 from wrenchflow.config import to_mapping
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.evaluation import Verdict, judge, summarise
@@ -40,8 +41,8 @@ class _Batch:
         torch.set_num_threads(1)
         policy = load_policy(self.run)
         acting = WithoutForceInput(policy) if self.config.wrench_input == "zeroed" else policy
-        task, rig, model = scenery(self.config.task, self.config.rig)
-        verdicts, known = [], {"deploy": to_mapping(self.config)}
+        task, rig, model = scenery(self.config.task, self.config.rig, self.config.calibration)
+        verdicts, known = [], {"deploy": to_mapping(self.config), **calibration_meta(self.config.calibration)}
         with ExitStack() as stack:
             boxes = [
                 stack.enter_context(BlackBox(self.boxes, ROWS, id=name, task=task.name, meta=known))
@@ -83,7 +84,7 @@ def evaluate(
     Raises:
         ConfigError: For an unknown task or rig, or a latency that no plan arrives within an attempt after.
     """
-    task, _, _ = scenery(config.task, config.rig)
+    task, _, _ = scenery(config.task, config.rig, config.calibration)
     if not config.latency_s < task.time_limit_s:
         raise ConfigError(
             f"latency_s is {config.latency_s:g}, expected less than the {task.time_limit_s:g} s "

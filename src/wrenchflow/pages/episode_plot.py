@@ -4,19 +4,21 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from plotly.graph_objects import Figure
 
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import StreamError
 from wrenchflow.ledger import Ledger
 from wrenchflow.pages import theme
+from wrenchflow.pages.drawing import Drawing
 from wrenchflow.pages.ledger_plot import ledger_rows, shade_modes
 from wrenchflow.pages.time_plot import DASHED, MAIN, POINTS, THIN, Band, Line, Panel, Strip, mark, shade, time_figure
 
-_LANES = ("phase", "contact", "anomaly", "intervention")
+_LANES = ("phase", "contact", "contact_mode", "anomaly", "intervention")
 
 
-def episode_figure(episode: Episode, title: str, *, points: int = POINTS) -> Figure:
+def episode_figure(
+    episode: Episode, title: str, *, points: int = POINTS, more: Sequence[Panel] | None = None
+) -> Drawing:
     """Draw an episode: bands of its events, force [N], moment [N.m], TCP position against the goal [mm], and energy.
 
     Force is `wrench` (causal) with `wrench_zero_phase` as a thin line, or else `wrench_raw` less its mean during the
@@ -28,6 +30,7 @@ def episode_figure(episode: Episode, title: str, *, points: int = POINTS) -> Fig
         episode: With `wrench`, `wrench_raw` or `tcp_pose` at least.
         title: Plain text above the plot; may be empty.
         points: About how many points a line is drawn with.
+        more: Drawn below, in place of the ledger.
 
     Raises:
         StreamError: If there is nothing to draw.
@@ -39,8 +42,9 @@ def episode_figure(episode: Episode, title: str, *, points: int = POINTS) -> Fig
             f"It has: {', '.join(sorted(episode.streams)) or 'none'}."
         )
     lanes = {kind: _bands(kind, found) for kind in _LANES if (found := episode.events_of(kind))}
-    ledger = Ledger.of(episode)
-    rows = [*([Strip(lanes=lanes)] if lanes else []), *panels, *(ledger_rows(ledger) if ledger else [])]
+    ledger = Ledger.of(episode) if more is None else None
+    below = more or (ledger_rows(ledger) if ledger else [])
+    rows = [*([Strip(lanes=lanes)] if lanes else []), *panels, *below]
     tare = _tare(episode)
     zero_ns = tare.stop_ns if tare else episode.span_ns[0]
     # The rest before the tare is out of view until a second double click.
@@ -126,7 +130,12 @@ def _offset_mm(pose: Stream, origin: Stream) -> Stream:
 
 
 def _bands(kind: str, events: Sequence[Event]) -> list[Band]:
-    colours = {"contact": theme.CONTACT, "anomaly": theme.BAD, "intervention": theme.ACCENT}
+    colours = {
+        "contact": theme.CONTACT,
+        "contact_mode": theme.CONTACT_MODE,
+        "anomaly": theme.BAD,
+        "intervention": theme.ACCENT,
+    }
     return [
         Band(
             start_ns=event.start_ns,
@@ -138,7 +147,7 @@ def _bands(kind: str, events: Sequence[Event]) -> list[Band]:
     ]
 
 
-def _shade(figure: Figure, episode: Episode, zero_ns: int) -> None:
+def _shade(figure: Drawing, episode: Episode, zero_ns: int) -> None:
     shades = {"contact": theme.CONTACT_SHADE, "anomaly": theme.ANOMALY_SHADE}
     for kind, colour in shades.items():
         for event in episode.events_of(kind):

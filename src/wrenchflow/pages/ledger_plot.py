@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from plotly.graph_objects import Figure
 
 from wrenchflow.episode import Episode
 from wrenchflow.errors import StreamError
 from wrenchflow.ledger import WORK, Ledger
 from wrenchflow.pages import theme
+from wrenchflow.pages.drawing import Drawing
 from wrenchflow.pages.time_plot import MAIN, POINTS, Band, Line, Panel, Strip, shade, time_figure
 
 # Each row has a scale of its own: the tank holds far more than the spring. What the tank is given while plans come in
@@ -21,7 +21,7 @@ _TANK_PX, _PANEL_PX, _LANE_PX = 80, 140, 22
 _BANDS = 400  # About as many bands as a lane can show apart.
 
 
-def ledger_figure(episode: Episode, title: str, *, points: int = POINTS) -> Figure:
+def ledger_figure(episode: Episode, title: str, *, points: int = POINTS) -> Drawing:
     """Draw what the safety layer did in an episode, from its start on; `episode_figure` shows it below the force.
 
     Args:
@@ -62,7 +62,7 @@ def ledger_rows(ledger: Ledger) -> list[Panel | Strip]:
     ]
 
 
-def shade_modes(figure: Figure, ledger: Ledger, zero_ns: int) -> None:
+def shade_modes(figure: Drawing, ledger: Ledger, zero_ns: int) -> None:
     """Shade all rows where the mode is not the ordinary one."""
     for stretch in ledger.mode_stretches:
         if stretch.label not in ledger.ordinary:

@@ -1,40 +1,66 @@
 """The frame of a page and its small pieces: cards, tables, links. Text that is handed in is escaped here."""
 
+import base64
+import hashlib
 from collections.abc import Mapping, Sequence
+from functools import cache
 from html import escape
 from typing import Any
 from urllib.parse import quote
 
-from wrenchflow.pages.plot_block import plot_scripts
+from wrenchflow.pages.plot_block import DRAW, plot_library
 from wrenchflow.pages.theme import STYLE
-
-# The browser itself then refuses whatever would need a network.
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 
 NBSP = "\u00a0"  # A value and its unit stay on one line.
 
 
-def page(title: str, sections: Sequence[str], footer: str) -> str:
+def page(title: str, sections: Sequence[str], footer: str, *, library: str = "", script: str = "") -> str:
     """A whole HTML document that needs no network.
 
     Args:
         title: Plain text.
         sections: HTML.
         footer: HTML.
+        library: Relative path of the plotting library's script, for pages that share it; else the page carries it.
+        script: What the page runs besides drawing its plots.
     """
     body = "\n".join(part for part in sections if part)
-    return f"""<!doctype html>
+    scripts = [DRAW, *([script] if script else [])]
+    held = f'<script type="text/plain" class="library" data-path="{escape(address(library))}"></script>'
+    if not library:
+        held = f'<script type="text/plain" class="library">{plot_library()}</script>'
+    inline = "\n".join(f"<script>{each}</script>" for each in scripts)
+    allowed = [*([] if library else [plot_library()]), *scripts]
+    html = f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta http-equiv="Content-Security-Policy" content="{_policy(allowed, beside=bool(library))}">
 <link rel="icon" href="data:,"><title>{escape(title)}</title><style>{STYLE}</style></head><body>
-<noscript><p class="bad">The plots on this page are drawn by a script within it; this browser runs none.</p></noscript>
+<noscript><p class="bad">The plots on this page are drawn by a script within it; this browser runs none. The tables are
+complete.</p></noscript>
 <main>
 {body}
 </main>
 <footer>{footer}</footer>
-{plot_scripts()}
+{held}
+{inline}
 </body></html>
 """
+    # A file name may hold bytes that are no text; they are shown as a question mark.
+    return html.encode("utf-8", "replace").decode()
+
+
+def _policy(scripts: Sequence[str], *, beside: bool) -> str:
+    """What the browser itself holds: it runs these scripts and no other, and refuses what would need a network.
+
+    A file that is opened from a disk has no origin that `'self'` could mean, but it has a scheme.
+    """
+    allowed = " ".join([*map(_fingerprint, scripts), *(("'self'", "file:") if beside else ())])
+    return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
+
+
+@cache
+def _fingerprint(script: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
 
 
 def section(title: str, *pieces: str) -> str:
@@ -54,7 +80,12 @@ def cards(*each: str) -> str:
 
 def link(text: str, path: str) -> str:
     """A link to a file beside the page, by its relative path; an address of any other kind is not one."""
-    return f'<a href="{escape(quote(path))}">{escape(text)}</a>'
+    return f'<a href="{escape(address(path))}">{escape(text)}</a>'
+
+
+def address(path: str) -> str:
+    """A relative path as an address; it is never one of another kind, whatever its letters are."""
+    return quote(path, errors="surrogateescape")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, wide: bool = False, main: int | None = None) -> str:

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int64
-from plotly.graph_objects import Bar, Figure, Scatter
-from plotly.subplots import make_subplots
 
 from wrenchflow.pages import theme
 from wrenchflow.pages.decimation import keep_peaks
+from wrenchflow.pages.drawing import Drawing
 
 POINTS = 1000  # A line is rarely drawn over more pixels than this.
 MAIN = {"width": 1.6}
 THIN = {"width": 0.8}
 DASHED = {"width": 1.2, "dash": "4px,3px"}
 
+_HIGHEST = 1e30  # What is beyond is no measurement, and no number in single precision.
 _GAP_PX = 36
 _LETTER_PX = 7  # As wide as a letter of a lane's name, about.
 
@@ -72,7 +72,7 @@ class Strip:
 
 def time_figure(
     rows: Sequence[Panel | Strip], title: str, *, zero_ns: int, view_ns: tuple[int, int], axis: str, points: int
-) -> Figure:
+) -> Drawing:
     """Draw rows above each other.
 
     Args:
@@ -85,29 +85,44 @@ def time_figure(
     """
     heights_px = [row.height_px for row in rows]
     plot_px = sum(heights_px) + _GAP_PX * (len(rows) - 1)
-    figure = make_subplots(len(rows), 1, shared_xaxes=True, row_heights=heights_px, vertical_spacing=_GAP_PX / plot_px)
-    for number, row in enumerate(rows, start=1):
-        if isinstance(row, Strip):
-            _draw_strip(figure, row, number, zero_ns)
-        else:
-            _draw_panel(figure, row, number, zero_ns, points)
-    view_s = [(at_ns - zero_ns) * 1e-9 for at_ns in view_ns]
-    figure.update_xaxes(range=view_s, zeroline=False, spikethickness=1, unifiedhovertitle_text="%{x:.3f} s")
-    figure.update_xaxes(title_text=axis, row=len(rows))
-    figure.update_yaxes(zeroline=False)
     # An instant outcome stands above the bands, and the title above that.
     top_px, heading = (56, {"text": escape(title), "x": 0, "xref": "paper"}) if title else (24, None)
-    figure.update_layout(
-        theme.plot_layout(plot_px, top_px=top_px, title=heading, hovermode="x unified", barmode="overlay", bargap=0.12)
-    )
+    layout = theme.plot_layout(plot_px, top_px=top_px, hovermode="x unified", barmode="overlay", bargap=0.12)
+    layout |= {"title": heading} if heading else {}
     longest = max((len(name) for row in rows if isinstance(row, Strip) for name in row.lanes), default=0)
-    figure.update_layout(margin_l=max(figure.layout.margin.l, _LETTER_PX * longest))
+    layout["margin"]["l"] = max(layout["margin"]["l"], _LETTER_PX * longest)
     # A label that does not fit its band is left out; the mouse still tells it.
-    figure.update_layout(uniformtext={"minsize": 10, "mode": "hide"})
+    layout["uniformtext"] = {"minsize": 10, "mode": "hide"}
+    figure = Drawing(layout=layout)
+    view_s = [(at_ns - zero_ns) * 1e-9 for at_ns in view_ns]
+    below_px = float(plot_px)
+    for number, row in enumerate(rows):
+        below_px -= row.height_px
+        at = "" if number == 0 else f"{number + 1}"
+        is_last = number == len(rows) - 1
+        layout[f"xaxis{at}"] = {
+            "anchor": f"y{at}",
+            "range": view_s,
+            "zeroline": False,
+            "spikethickness": 1,
+            "unifiedhovertitle": {"text": "%{x:.3f} s"},
+            **({"title": {"text": axis}} if is_last else {"showticklabels": False}),
+            **({"matches": "x"} if number else {}),
+        }
+        layout[f"yaxis{at}"] = {
+            "anchor": f"x{at}",
+            "domain": [max(below_px / plot_px, 0.0), (below_px + row.height_px) / plot_px],
+            "zeroline": False,
+        }
+        if isinstance(row, Strip):
+            _draw_strip(figure, row, at, zero_ns)
+        else:
+            _draw_panel(figure, row, at, zero_ns, points)
+        below_px -= _GAP_PX
     return figure
 
 
-def shade(figure: Figure, start_ns: int, stop_ns: int, zero_ns: int, colour: str) -> None:
+def shade(figure: Drawing, start_ns: int, stop_ns: int, zero_ns: int, colour: str) -> None:
     """Shade all rows from one time to another."""
     ends = {"x0": (start_ns - zero_ns) * 1e-9, "x1": (stop_ns - zero_ns) * 1e-9}
     figure.add_shape(
@@ -115,7 +130,7 @@ def shade(figure: Figure, start_ns: int, stop_ns: int, zero_ns: int, colour: str
     )
 
 
-def mark(figure: Figure, at_ns: int, zero_ns: int, text: str, colour: str) -> None:
+def mark(figure: Drawing, at_ns: int, zero_ns: int, text: str, colour: str) -> None:
     """A line through all rows, with a text above it."""
     at_s = (at_ns - zero_ns) * 1e-9
     figure.add_shape(type="line", x0=at_s, x1=at_s, y0=0, y1=1, xref="x", yref="paper", line={"color": colour})
@@ -123,26 +138,28 @@ def mark(figure: Figure, at_ns: int, zero_ns: int, text: str, colour: str) -> No
     figure.add_annotation(text=escape(text), font={"color": colour}, showarrow=False, **place)
 
 
-def _draw_panel(figure: Figure, panel: Panel, number: int, zero_ns: int, points: int) -> None:
+def _draw_panel(figure: Drawing, panel: Panel, at: str, zero_ns: int, points: int) -> None:
     for line in panel.lines:
         t_s, values = keep_peaks((line.t_ns - zero_ns) * 1e-9, line.values, points)
-        figure.add_trace(
-            Scatter(
+        values = np.where(np.abs(values) < _HIGHEST, values, np.nan)
+        figure.data.append(
+            {
+                "type": "scatter",
                 # Single precision draws the same line with half the bytes.
-                x=t_s.astype(np.float32),
-                y=values.astype(np.float32),
-                name=line.name,
-                mode="lines",
-                line={**line.style, "color": line.colour},
-                opacity=1.0 if line.style is MAIN else 0.75,
-                showlegend=False,
-                hovertemplate=f"%{{y:.3g}} {panel.unit}",
-            ),
-            row=number,
-            col=1,
+                "x": t_s.astype(np.float32),
+                "y": values.astype(np.float32),
+                "xaxis": f"x{at}",
+                "yaxis": f"y{at}",
+                "name": escape(line.name),
+                "mode": "lines",
+                "line": {**line.style, "color": line.colour},
+                "opacity": 1.0 if line.style is MAIN else 0.75,
+                "showlegend": False,
+                "hovertemplate": f"%{{y:.3g}} {panel.unit}",
+            }
         )
     mode = "tozero" if panel.has_zero else "normal"
-    figure.update_yaxes(nticks=max(3, panel.height_px // 32), rangemode=mode, row=number, col=1)
+    figure.layout[f"yaxis{at}"] |= {"nticks": max(3, panel.height_px // 32), "rangemode": mode}
     named = [line for line in panel.lines if not line.is_beside]
     names = " ".join(f'<span style="color:{line.colour}">{escape(line.name)}</span>' for line in named)
     text = f"{escape(panel.quantity)} <b>{names}</b> [{panel.unit}]"
@@ -150,35 +167,34 @@ def _draw_panel(figure: Figure, panel: Panel, number: int, zero_ns: int, points:
         text=text + (f" · {escape(panel.what)}" if panel.what else ""),
         showarrow=False,
         x=0,
-        xref="x domain",
+        xref=f"x{at} domain",
         xanchor="left",
         y=1,
-        yref="y domain",
+        yref=f"y{at} domain",
         yanchor="bottom",
-        row=number,
-        col=1,
     )
 
 
-def _draw_strip(figure: Figure, strip: Strip, number: int, zero_ns: int) -> None:
+def _draw_strip(figure: Drawing, strip: Strip, at: str, zero_ns: int) -> None:
     for name, bands in strip.lanes.items():
-        figure.add_trace(
-            Bar(
-                orientation="h",
-                base=[(band.start_ns - zero_ns) * 1e-9 for band in bands],
-                x=[(band.stop_ns - band.start_ns) * 1e-9 for band in bands],
-                y=[name] * len(bands),
-                text=[escape(band.text) for band in bands],
-                customdata=[escape(band.hover or band.text) for band in bands],
-                textposition="inside",
-                insidetextanchor="middle",
-                textangle=0,
-                marker={"color": [band.colour for band in bands], "line": {"width": 0}},
-                showlegend=False,
-                hovertemplate="%{customdata} from %{base:.2f} s for %{x:.3g} s<extra></extra>",
-            ),
-            row=number,
-            col=1,
+        figure.data.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "base": [(band.start_ns - zero_ns) * 1e-9 for band in bands],
+                "x": [(band.stop_ns - band.start_ns) * 1e-9 for band in bands],
+                "y": [name] * len(bands),
+                "xaxis": f"x{at}",
+                "yaxis": f"y{at}",
+                "text": [escape(band.text) for band in bands],
+                "customdata": [escape(band.hover or band.text) for band in bands],
+                "textposition": "inside",
+                "insidetextanchor": "middle",
+                "textangle": 0,
+                "marker": {"color": [band.colour for band in bands], "line": {"width": 0}},
+                "showlegend": False,
+                "hovertemplate": "%{customdata} from %{base:.2f} s for %{x:.3g} s<extra></extra>",
+            }
         )
     order = {"categoryorder": "array", "categoryarray": [*strip.lanes][::-1]}
-    figure.update_yaxes(**order, fixedrange=True, row=number, col=1)
+    figure.layout[f"yaxis{at}"] |= {**order, "type": "category", "fixedrange": True}

@@ -10,6 +10,7 @@ from safetensors.torch import load_file, save_file
 
 from wrenchflow.config import from_mapping, to_mapping
 from wrenchflow.errors import CheckpointError, WrenchflowError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.manifest import read_json, write_json
 from wrenchflow.observation import Steps
 from wrenchflow.policy.config import PolicyConfig
@@ -31,6 +32,7 @@ def save(folder: Path, policy: LearnedPolicy) -> None:
             "format_version": FORMAT_VERSION,
             "feature_groups": to_mapping(policy.features.groups),
             "period_ns": policy.period_ns,
+            "wrench_filter": to_mapping(policy.wrench_filter),
             "policy": to_mapping(policy.config),
             "observation_normaliser": to_mapping(policy.observations.normaliser),
             "action_normaliser": to_mapping(policy.actions.normaliser),
@@ -81,6 +83,8 @@ def _described(folder: Path) -> LearnedPolicy:
             int(described["period_ns"]),
             from_mapping(Normaliser, described["observation_normaliser"], "observation_normaliser"),
             from_mapping(Normaliser, described["action_normaliser"], "action_normaliser"),
+            # Without it, as it was before it could be set.
+            from_mapping(FilterConfig, described.get("wrench_filter", {}), "wrench_filter"),
         )
     except CheckpointError:
         raise
@@ -93,7 +97,8 @@ def require_fit(policy: LearnedPolicy, steps: Sequence[Steps]) -> None:
     """Refuse a data set that a policy was not made for.
 
     Raises:
-        CheckpointError: If an observation that the policy sees is missing, or the steps are of another period.
+        CheckpointError: If an observation that the policy sees is missing, the steps are of another period, or the
+            wrench went through another filter.
     """
     for episode in steps:
         for name in policy.features.observation_names:
@@ -106,4 +111,9 @@ def require_fit(policy: LearnedPolicy, steps: Sequence[Steps]) -> None:
             raise CheckpointError(
                 f"the checkpoint does not fit the data: episode {episode.episode_id} has a step every "
                 f"{episode.period_ns} ns, expected every {policy.period_ns} ns."
+            )
+        if episode.wrench_filter != policy.wrench_filter:
+            raise CheckpointError(
+                f"the checkpoint does not fit the data: episode {episode.episode_id} has a wrench through "
+                f"{episode.wrench_filter}, expected through {policy.wrench_filter}."
             )

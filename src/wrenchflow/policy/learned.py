@@ -8,6 +8,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 from wrenchflow.errors import CheckpointError
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.observation import ACTION_WIDTH
 from wrenchflow.policy.config import PolicyConfig
 from wrenchflow.policy.diffusion import make_objective
@@ -47,6 +48,7 @@ class LearnedPolicy(nn.Module):
         config: What it is made of.
         features: What it sees.
         period_ns: Time between steps [ns], as in its training data.
+        wrench_filter: What the wrench of its training data went through.
         observations: Normalises features.
         actions: Normalises encoded actions.
         network: The weights.
@@ -59,6 +61,7 @@ class LearnedPolicy(nn.Module):
         period_ns: int,
         observation_normaliser: Normaliser,
         action_normaliser: Normaliser,
+        wrench_filter: FilterConfig | None = None,
     ) -> None:
         super().__init__()
         if observation_normaliser.columns != features.columns:
@@ -73,6 +76,7 @@ class LearnedPolicy(nn.Module):
         self.config = config
         self.features = features
         self.period_ns = period_ns
+        self.wrench_filter = wrench_filter or FilterConfig()
         self.observations = Scaling(observation_normaliser)
         self.actions = Scaling(action_normaliser)
         self.network = make_network(config, action_width=ACTION_WIDTH, feature_width=features.width)

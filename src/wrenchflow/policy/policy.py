@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32
 
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.policy.features import FORCE_GROUPS, Features
 
 
@@ -22,6 +23,11 @@ class Policy(Protocol):
     @property
     def period_ns(self) -> int:
         """Time between steps [ns]."""
+        ...
+
+    @property
+    def wrench_filter(self) -> FilterConfig:
+        """What the wrench that it learned from went through; what it sees has to go through the same."""
         ...
 
     @property
@@ -74,6 +80,11 @@ class WithoutForceInput:
     def period_ns(self) -> int:
         """Time between steps [ns]."""
         return self.policy.period_ns
+
+    @property
+    def wrench_filter(self) -> FilterConfig:
+        """What the policy's wrench went through."""
+        return self.policy.wrench_filter
 
     @property
     def n_obs_steps(self) -> int:

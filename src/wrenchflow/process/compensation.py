@@ -1,4 +1,4 @@
-"""From what a sensor reads to what the robot exerts: tare, weight of the payload, point, axes, low-pass.
+"""From what a sensor reads to what the robot exerts: tare, weight of the payload, point, axes, filter.
 
 `WrenchPipeline` is the one implementation. Deployment feeds it the chunks of a running robot, `process` a whole
 recording; both get the same bits. For this all arithmetic is column by column: numpy never reorders an elementwise
@@ -8,7 +8,8 @@ operation, while it may reorder a matrix product with the number of rows.
 import numpy as np
 from jaxtyping import Float, Int64
 
-from wrenchflow.filtering import CausalLowpass
+from wrenchflow.filtering import CausalFilter
+from wrenchflow.force_filter import FilterConfig
 from wrenchflow.process.calibration import Bias
 from wrenchflow.process.mount import SensorMount
 from wrenchflow.process.stamps import segments
@@ -16,18 +17,18 @@ from wrenchflow.rig import Rig
 
 
 class WrenchPipeline:
-    """Streaming raw wrench -> `wrench`: about the tcp, in base axes, without bias and weight, causally low-passed.
+    """Streaming raw wrench -> `wrench`: about the tcp, in base axes, without bias and weight, causally filtered.
 
     The payload's inertia stays in: half a kilogram that a demonstration accelerates at 0.5 m/s^2 makes 0.25 N.
     """
 
-    def __init__(self, rig: Rig, bias: Bias | Float[np.ndarray, " d"], cutoff_hz: float = 40.0) -> None:
+    def __init__(self, rig: Rig, bias: Bias | Float[np.ndarray, " d"], filter: FilterConfig | None = None) -> None:
         """Prepare for one recording or one rollout.
 
         Args:
             rig: Sensor mount, payload and sensor rate.
             bias: Unloaded reading in the sensor frame, force [N] then moment [N.m]; three values for a force sensor.
-            cutoff_hz: The -3 dB point of the low-pass [Hz].
+            filter: Median and low-pass.
 
         Raises:
             ConfigError: If the cutoff does not fit the sensor's rate.
@@ -35,18 +36,18 @@ class WrenchPipeline:
         self._bias = bias.mean if isinstance(bias, Bias) else np.array(bias, np.float64)
         self._mount = SensorMount(rig)
         self._rate_hz = rig.sensor.rate_hz
-        self._lowpass = CausalLowpass(cutoff_hz, rig.sensor.rate_hz, width=len(self._bias))
+        self._filter = CausalFilter(filter or FilterConfig(), rig.sensor.rate_hz, len(self._bias))
         self._last_ns: int | None = None
 
     @property
     def group_delay_s(self) -> float:
         """How far the output lags behind a slow force [s]."""
-        return self._lowpass.group_delay_s
+        return self._filter.group_delay_s
 
     def compensate(
         self, wrench_raw: Float[np.ndarray, "n d"], quat_wxyz: Float[np.ndarray, "n 4"]
     ) -> Float[np.ndarray, "n d"]:
-        """Do everything but the low-pass, each row by itself.
+        """Do everything but the filter, each row by itself.
 
         Args:
             wrench_raw: As read, in the sensor frame, force [N] then moment [N.m]. Shape (n, 3 or 6).
@@ -81,8 +82,8 @@ class WrenchPipeline:
         skip = len(known) - len(t)  # The last stamp of the last call tells whether there is a gap before this one.
         for run in segments(known, self._rate_hz):
             if run.start > 0:
-                self._lowpass.restart()
+                self._filter.restart()
             part = slice(max(run.start - skip, 0), run.stop - skip)
-            rows[part] = self._lowpass.push(rows[part])
+            rows[part] = self._filter.push(rows[part])
         self._last_ns = int(t[-1]) if len(t) else self._last_ns
         return rows

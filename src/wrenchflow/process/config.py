@@ -1,9 +1,11 @@
 """What a person may set about `process`; loads nothing heavy, so that the command line can show it at once."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from wrenchflow.config import require_positive
+from wrenchflow.config import require_at_least, require_positive
 from wrenchflow.errors import ConfigError
+from wrenchflow.force_filter import FilterConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,26 +44,56 @@ class BiasConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactConfig:
-    """When a force counts as contact.
+class InertiaConfig:
+    """When the force that accelerates the payload is taken out of `wrench_zero_phase`.
+
+    `wrench` keeps it: a running robot knows its acceleration too late.
 
     Attributes:
-        on_n: Contact begins where the force norm reaches this [N].
-        off_n: It ends where the norm falls below this [N]. Both stand above what noise and the inertia of the tool
-            leave in free motion.
+        compensate: Whether to do so.
+        cutoff_hz: Of the low-pass, forward and backward, of the velocity that the acceleration is made of [Hz].
+        least_m_s2: A recording whose payload never accelerates by more is left as it is [m/s^2].
+    """
+
+    compensate: bool = True
+    cutoff_hz: float = 25.0
+    least_m_s2: float = 0.5
+
+    def __post_init__(self) -> None:
+        require_positive(**{"inertia.cutoff_hz": self.cutoff_hz, "inertia.least_m_s2": self.least_m_s2})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactConfig:
+    """When a force or a moment counts as contact.
+
+    A threshold that is not set follows from the noise that the bias window shows after the filter, and from the inertia
+    of the payload: see `Thresholds`.
+
+    Attributes:
+        on_n: Contact begins where the norm of the force reaches this [N].
+        off_n: It ends where the norm of the force falls below this, and that of the moment below its own [N].
+        on_nm: Contact begins where the norm of the moment reaches this, too [N.m].
+        off_nm: See `off_n` [N.m].
         min_dwell_s: A shorter contact does not count, and a shorter break does not end one [s].
     """
 
-    on_n: float = 2.0
-    off_n: float = 1.0
+    on_n: float | None = None
+    off_n: float | None = None
+    on_nm: float | None = None
+    off_nm: float | None = None
     min_dwell_s: float = 0.02
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.off_n < self.on_n or self.min_dwell_s < 0.0:
-            raise ConfigError(
-                f"contact takes 0 < off_n < on_n and a min_dwell_s of 0 or more, "
-                f"got off_n {self.off_n:g}, on_n {self.on_n:g} and min_dwell_s {self.min_dwell_s:g}."
-            )
+        for unit in ("n", "nm"):
+            on, off = getattr(self, f"on_{unit}"), getattr(self, f"off_{unit}")
+            if (on is None) != (off is None):
+                raise ConfigError(f"contact.on_{unit} and contact.off_{unit} are set together, or not at all.")
+            if on is not None and not 0.0 < off < on:
+                raise ConfigError(
+                    f"contact takes 0 < off_{unit} < on_{unit}, got off_{unit} {off:g} and on_{unit} {on:g}."
+                )
+        require_at_least(0.0, **{"contact.min_dwell_s": self.min_dwell_s})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,14 +101,17 @@ class ProcessConfig:
     """How raw force becomes force that can be believed.
 
     Attributes:
-        cutoff_hz: The -3 dB point of the causal 4th-order Butterworth low-pass [Hz].
+        filter: The grid, the median and the low-pass; deployment runs the same median and low-pass.
+        inertia: When the force that accelerates the payload is taken out.
+        calibration: A file that `calibrate` wrote, whose payload takes the place of that of a recording's rig.
         bias: The window that tells the sensor's bias.
         contact: When a force counts as contact.
+        expects_contact: Whether a recording without any contact is a defect.
     """
 
-    cutoff_hz: float = 40.0
+    filter: FilterConfig = field(default_factory=FilterConfig)
+    inertia: InertiaConfig = field(default_factory=InertiaConfig)
+    calibration: Path | None = None
     bias: BiasConfig = field(default_factory=BiasConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
-
-    def __post_init__(self) -> None:
-        require_positive(cutoff_hz=self.cutoff_hz)
+    expects_contact: bool = True

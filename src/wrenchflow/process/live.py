@@ -7,6 +7,7 @@ from jaxtyping import Float, Int64
 
 from wrenchflow import signals
 from wrenchflow.episode import Event, Stream
+from wrenchflow.errors import ConfigError
 from wrenchflow.process.calibration import Bias, estimate_bias
 from wrenchflow.process.compensation import WrenchPipeline
 from wrenchflow.process.config import ProcessConfig
@@ -41,8 +42,15 @@ class LiveWrench:
 
         Raises:
             CalibrationError: If the arm did not rest, or something touched it.
+            ConfigError: If the filter is for samples on another grid than the sensor's.
         """
         config = config or ProcessConfig()
+        grid_hz = config.filter.resample_hz
+        if grid_hz is not None and grid_hz != rig.sensor.rate_hz:
+            raise ConfigError(
+                f"filter.resample_hz is {grid_hz:g}, and the samples of a running robot are not resampled: expected "
+                f"the {rig.sensor.rate_hz:g} Hz of sensor '{rig.sensor.name}'."
+            )
         raw, pose = streams["wrench_raw"], streams["tcp_pose"]
         self.bias: Bias = estimate_bias(
             raw,
@@ -53,7 +61,7 @@ class LiveWrench:
             stop_ns=tare.stop_ns,
             config=config.bias,
         )
-        self._pipeline = WrenchPipeline(rig, self.bias, config.cutoff_hz)
+        self._pipeline = WrenchPipeline(rig, self.bias, config.filter)
         self._keep = tail_samples
         self._t = np.empty(0, np.int64)
         self._rows = np.empty((0, raw.signal.width))

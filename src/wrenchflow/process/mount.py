@@ -30,6 +30,11 @@ class SensorMount:
         self._mass_kg = rig.payload.mass_kg
         self._com_m = np.array(rig.payload.com_sensor_m)
 
+    @property
+    def com_tcp_m(self) -> Float[np.ndarray, " 3"]:
+        """From the tcp to the payload's centre of mass, in the axes of the sensor. Shape (3,)."""
+        return self._com_m - self._tcp_sensor_m
+
     def orientation(self, quat_wxyz: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3"]:
         """R_base_sensor of the tcp's orientation in the base. Shape (n, 3, 3)."""
         R_base_tcp = rotation_of(quat_wxyz)

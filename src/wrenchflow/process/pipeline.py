@@ -6,98 +6,61 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
+import numpy as np
 
 from wrenchflow.config import to_mapping
-from wrenchflow.episode import Episode
+from wrenchflow.episode import Episode, Event
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import WrenchflowError
-from wrenchflow.filtering import CausalLowpass
+from wrenchflow.errors import ConfigError, WrenchflowError
 from wrenchflow.manifest import output_folder, write_manifest
-from wrenchflow.process.calibration import bias_window, estimate_bias
+from wrenchflow.process.anomalies.mask import ANOMALY, mask_of
+from wrenchflow.process.assess import assess, unreadable
+from wrenchflow.process.assessment import Assessment
+from wrenchflow.process.clean import Cleaned, clean_episode
 from wrenchflow.process.config import ProcessConfig
-from wrenchflow.process.contact import CONTACT, find_contacts
-from wrenchflow.process.filters import causal_wrench, zero_phase_wrench
-from wrenchflow.process.quality import Quality, assess
-from wrenchflow.process.report import report_page
-from wrenchflow.process.stamps import check_even, segments
+from wrenchflow.process.data_set import look_at_all
+from wrenchflow.process.report.episode_page import LIBRARY, episode_page, library_script
+from wrenchflow.process.report.folder_page import folder_page
+from wrenchflow.process.table import write_tables
 from wrenchflow.recording.reader import find_recordings, read_episode
 from wrenchflow.recording.write import write_episode
 from wrenchflow.rig import rig_of
-from wrenchflow.signals import WRENCH
 
-QUALITY = "quality.parquet"
-REPORT = "report.html"
-
-_SCHEMA = pa.schema(
-    [
-        ("id", pa.string()),
-        ("task", pa.string()),
-        ("success", pa.bool_()),
-        ("snr", pa.struct([(name, pa.float64()) for name in WRENCH.columns])),
-        ("snr_force_db", pa.float64()),
-        ("snr_torque_db", pa.float64()),
-        ("not_assessed", pa.string()),
-        ("max_force", pa.float64()),
-        ("smoothness", pa.float64()),
-        ("has_contact", pa.bool_()),
-        ("contacts", pa.int64()),
-        ("contact_fraction", pa.float64()),
-        ("bias", pa.list_(pa.float64())),
-        ("duration_s", pa.float64()),
-        ("samples", pa.int64()),
-    ]
-)
+REPORT, EPISODES = "report.html", "episodes"
 
 
-def process_episode(episode: Episode, config: ProcessConfig) -> tuple[Episode, Quality]:
-    """Clean the force of one episode.
+def process_episode(episode: Episode, config: ProcessConfig) -> tuple[Episode, Assessment]:
+    """Clean the force of one episode, and assess it.
 
     Args:
-        episode: With `wrench_raw` (wrench or force), `tcp_pose` and the rig in its metadata. A phase `tare` says where
-            the arm rested without contact; without it that is the start.
+        episode: See `clean_episode`.
         config: How.
 
     Returns:
-        The episode with `wrench`, `wrench_zero_phase`, its contacts and `meta["process"]` added, and its figures.
+        The episode with `wrench`, `wrench_zero_phase`, its contacts, what is wrong with it as events of the kind
+        `anomaly`, and `meta["process"]` added; and what is known of it.
 
     Raises:
-        WrenchflowError: If a stream or the rig is missing, the sampling is uneven, or the bias cannot be told. The
-            message begins with the episode.
+        WrenchflowError: If it cannot be cleaned. `look_at` says so in the assessment instead.
     """
-    try:
-        return _process(episode, config)
-    except WrenchflowError as error:
-        raise type(error)(f"episode {episode.id}: {error}") from error
+    cleaned = clean_episode(episode, config)
+    return _with_findings(cleaned, assessment := assess(episode, cleaned, config)), assessment
 
 
-def _process(episode: Episode, config: ProcessConfig) -> tuple[Episode, Quality]:
-    rig = rig_of(episode.meta, "its metadata")
-    raw, tcp_pose = episode["wrench_raw"], episode["tcp_pose"]
-    start_ns, stop_ns = bias_window(episode, config.bias)
-    joints = episode.streams.get("joint_states")
-    # Sampling first: whether a window is at rest cannot be told of a stream whose stamps are wrong.
-    check_even(raw, rig.sensor.rate_hz, "wrench_raw")
-    bias = estimate_bias(raw, tcp_pose, joints, rig, start_ns=start_ns, stop_ns=stop_ns, config=config.bias)
-    wrench = causal_wrench(raw, tcp_pose, rig, bias, config.cutoff_hz)
-    labels = zero_phase_wrench(raw, tcp_pose, rig, bias, config.cutoff_hz)
-    notes = {
-        "config": to_mapping(config),
-        "bias": bias.to_mapping(),
-        "group_delay_s": CausalLowpass(config.cutoff_hz, rig.sensor.rate_hz).group_delay_s,
-        "left_out_samples": len(raw) - len(wrench),
-        "gaps": max(len(segments(wrench.t, rig.sensor.rate_hz)) - 1, 0),
-    }
-    others = tuple(event for event in episode.events if event.kind != CONTACT)
-    clean = (
-        replace(episode, events=others)
-        .with_stream("wrench", wrench)
-        .with_stream("wrench_zero_phase", labels)
-        .with_events(*find_contacts(labels, rig, config.contact))
-        .with_meta(process=notes)
-    )
-    return clean, assess(clean, bias)
+def look_at(episode: Episode, config: ProcessConfig) -> tuple[Episode | None, Assessment]:
+    """Clean and assess one episode, whatever is wrong with it.
+
+    Args:
+        episode: Any; what it lacks is a finding, and what rests on that is not assessed.
+        config: How.
+
+    Returns:
+        The clean episode, None where it cannot be cleaned; and what is known of it.
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # What comes to no number is not assessed.
+        cleaned = _try_to_clean(episode, config)
+        assessment = assess(episode, cleaned, config)
+    return (None if isinstance(cleaned, WrenchflowError) else _with_findings(cleaned, assessment)), assessment
 
 
 def process_folder(
@@ -108,42 +71,82 @@ def process_folder(
     jobs: int = 1,
     overwrite: bool = False,
     executor: Executor | None = None,
-) -> Iterator[Quality]:
-    """Clean every recording of a folder.
+) -> Iterator[Assessment]:
+    """Clean and assess every recording of a folder.
+
+    A recording that cannot be cleaned, or not even read, is in the report with the reason, and not among the clean
+    ones.
 
     Args:
         raw: Folder of `*.mcap`; it is only read.
-        out: Folder that gets the clean recordings, `quality.parquet`, `report.html` and `manifest.json`. It is complete
-            once the iterator is exhausted, and does not exist before.
+        out: Folder that gets the clean recordings, `quality.parquet`, `quality.json`, `report.html` and
+            `manifest.json`, and a page an episode in `episodes/`. It is complete once the iterator is exhausted, and
+            does not exist before.
         config: How.
         jobs: Worker processes.
         overwrite: Replace `out` if it is there.
         executor: Used in place of worker processes of its own.
 
     Yields:
-        The figures of each episode, in the order of the names.
+        What is known of each episode, in the order of the names.
 
     Raises:
         RecordingError: If there is nothing to read.
         OutputError: If `out` is taken, or holds `raw`.
-        WrenchflowError: If an episode is refused. No folder that looks whole is left then.
+        ConfigError: If the configuration fits no recording.
     """
-    paths = find_recordings(raw)
+    paths = [path.resolve() for path in find_recordings(raw)]  # A worker on a cluster runs in another folder.
+    names = [path.name.removesuffix(".mcap") for path in paths]
+    around = list(zip(paths, ["", *names[:-1]], [*names[1:], ""], strict=True))
     with output_folder(out, overwrite=overwrite, reads=[raw]) as folder:
-        qualities = []
-        for quality in map_episodes(partial(_process_file, folder, config), paths, jobs=jobs, executor=executor):
-            qualities.append(quality)
-            yield quality
-        pq.write_table(pa.Table.from_pylist([_row(quality) for quality in qualities], _SCHEMA), folder / QUALITY)
-        (folder / REPORT).write_text(report_page(qualities, config), encoding="utf-8")
+        (folder / EPISODES).mkdir()
+        (folder / EPISODES / LIBRARY).write_text(library_script(), encoding="utf-8")
+        assessments = []
+        for assessment in map_episodes(partial(_process_file, folder, config), around, jobs=jobs, executor=executor):
+            assessments.append(assessment)
+            yield assessment
+        quality = look_at_all(assessments)
+        write_tables(folder, quality)
+        pages = [f"{EPISODES}/{name}.html" for name in names]
+        (folder / REPORT).write_text(folder_page(quality, config, pages=pages), encoding="utf-8")
         write_manifest(folder, "process", config, paths)
 
 
-def _process_file(folder: Path, config: ProcessConfig, path: Path) -> Quality:
-    clean, quality = process_episode(read_episode(path), config)
-    write_episode(folder / path.name, clean)
-    return quality
+def _try_to_clean(episode: Episode, config: ProcessConfig) -> Cleaned | WrenchflowError:
+    try:
+        rig_of(episode.meta, "its metadata")
+    except ConfigError as error:
+        return error
+    try:
+        return clean_episode(episode, config)
+    except ConfigError:
+        raise  # The recording has a rig, so it is the configuration that is wrong, and for every other one too.
+    except WrenchflowError as error:
+        return error
 
 
-def _row(quality: Quality) -> dict[str, object]:
-    return {name: getattr(quality, name) for name in _SCHEMA.names}
+def _process_file(folder: Path, config: ProcessConfig, around: tuple[Path, str, str]) -> Assessment:
+    """Work off one file; with it come the names of those before and after it."""
+    path, before, after = around
+    episode, clean = None, None
+    try:
+        episode = read_episode(path)
+    except WrenchflowError as error:
+        assessment = unreadable(path.stem, error)
+    else:
+        clean, assessment = look_at(episode, config)
+    if clean is not None:
+        write_episode(folder / path.name, clean)
+    previous, following = (f"{name}.html" if name else "" for name in (before, after))
+    text = episode_page(assessment, episode, clean, config, previous=previous, following=following)
+    (folder / EPISODES / f"{path.stem}.html").write_text(text, encoding="utf-8")
+    return assessment
+
+
+def _with_findings(cleaned: Cleaned, assessment: Assessment) -> Episode:
+    others = tuple(event for event in cleaned.episode.events if event.kind != ANOMALY)
+    found = tuple(Event(each.start_ns, each.stop_ns, ANOMALY, each.kind) for each in assessment.findings)
+    notes = cleaned.episode.meta["process"] | {"findings": to_mapping(assessment.findings)}
+    marked = replace(cleaned.episode, events=others + found).with_meta(process=notes)
+    mask = mask_of(marked["wrench_raw"], assessment.findings)
+    return marked if mask is None else marked.with_stream(ANOMALY, mask)

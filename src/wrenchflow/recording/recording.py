@@ -2,10 +2,12 @@
 
 import json
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float, Int64
 
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import RecordingError, StreamError
@@ -19,8 +21,28 @@ from wrenchflow.recording.kept import messages_of
 from wrenchflow.recording.layout import HEADER
 from wrenchflow.recording.spans import Spans
 from wrenchflow.recording.topic import Samples, Topic, check_room, record_at
+from wrenchflow.signals import Signal
 
 _FIRST_NS, _LAST_NS = -(2**63), 2**63 - 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """What the messages of a topic say in the order of the file, before anybody asks whether they make a stream.
+
+    Attributes:
+        stamp: Times in their headers [ns]; None if they have no header, or nobody filled it in. Shape (n,).
+        publish: When they were sent, as the file says [ns]. Shape (n,).
+        data: Rows of the signal. Shape (n, d).
+        signal: What they measure.
+        frame: Their frame.
+    """
+
+    stamp: Int64[np.ndarray, " n"] | None
+    publish: Int64[np.ndarray, " n"]
+    data: Float[np.ndarray, "n d"]
+    signal: Signal
+    frame: str
 
 
 class Recording:
@@ -119,6 +141,37 @@ class Recording:
             self._head.meta,
             {name: self._messages(name, first_ns, last_ns, is_part=is_part) for name in kept},
             self._container.attachments,
+        )
+
+    def rows(self, name: str) -> Rows:
+        """All messages of one stream of another writer, whatever their stamps are.
+
+        Args:
+            name: Of the stream. Where several channels make it up, their messages come by the time they were sent.
+
+        Raises:
+            RecordingError: If the file is damaged, lacks the name, or if the topic's frame changes.
+        """
+        names = self._named("stream", (name,), self.streams)
+        self._check(names, (), is_whole=True)
+        topics = list(self._channels.streams.get(name, ()))
+        read = self._samples(topics, {topic.channel: self._chunks_of(topic) for topic in topics})
+        if not topics:
+            signal, frame = self._head.streams[name]
+            none = np.empty(0, np.int64)
+            return Rows(stamp=none, publish=none, data=np.empty((0, signal.width)), signal=signal, frame=frame)
+        stamp, publish, data = _joined([read[topic.channel] for topic in topics])
+        if len(topics) > 1:
+            order = np.argsort(publish, kind="stable")
+            stamp, publish, data = stamp[order], publish[order], data[order]
+        signal, has_header = topics[0].signal, schemas.has_header(topics[0].message)
+        assert signal is not None
+        return Rows(
+            stamp=stamp if has_header and (stamp.any() or not len(stamp)) else None,
+            publish=publish,
+            data=data,
+            signal=signal,
+            frame=topics[0].frame or "",
         )
 
     def windows(
@@ -236,10 +289,7 @@ class Recording:
             return Stream(np.empty(0, np.int64), np.empty((0, signal.width)), signal, frame)
         signal, frame = topics[0].signal, topics[0].frame
         assert signal is not None
-        stamp, publish, data = (
-            of[0] if len(of) == 1 else np.concatenate(of)
-            for of in zip(*((part.stamp, part.publish, part.data) for part in samples), strict=True)
-        )
+        stamp, publish, data = _joined(samples)
         # A header whose stamp is zero in every message was never filled in.
         t = stamp if (stamp.any() if is_stamped is None else is_stamped) else publish
         if (t[1:] < t[:-1]).any():
@@ -274,6 +324,13 @@ class Recording:
     def _messages(self, name: str, first_ns: int, last_ns: int, *, is_part: bool) -> Messages:
         messages = self._whole(name)
         return messages.between(first_ns, last_ns) if is_part else messages
+
+
+def _joined(samples: list[Samples]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stamps, publish times and rows of one channel, or of several one after the other."""
+    columns = zip(*((part.stamp, part.publish, part.data) for part in samples), strict=True)
+    stamp, publish, data = (of[0] if len(of) == 1 else np.concatenate(of) for of in columns)
+    return stamp, publish, data
 
 
 def _event(record: bytes) -> Event:

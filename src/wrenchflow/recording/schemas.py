@@ -36,6 +36,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "geometry_msgs/PoseStamped": ("std_msgs/Header header", "geometry_msgs/Pose pose"),
     "geometry_msgs/TwistStamped": ("std_msgs/Header header", "geometry_msgs/Twist twist"),
     "geometry_msgs/WrenchStamped": ("std_msgs/Header header", "geometry_msgs/Wrench wrench"),
+    "geometry_msgs/PointStamped": ("std_msgs/Header header", "geometry_msgs/Point point"),
     "geometry_msgs/Vector3Stamped": ("std_msgs/Header header", "geometry_msgs/Vector3 vector"),
     "sensor_msgs/JointState": (
         "std_msgs/Header header",
@@ -59,10 +60,12 @@ _MESSAGE_OF_KIND = {
     "wrench": "geometry_msgs/msg/WrenchStamped",
     "force": "geometry_msgs/msg/Vector3Stamped",
     "pose": "geometry_msgs/msg/PoseStamped",
+    "position": "geometry_msgs/msg/PointStamped",
     "twist": "geometry_msgs/msg/TwistStamped",
+    "velocity": "geometry_msgs/msg/Vector3Stamped",
     "joints": "sensor_msgs/msg/JointState",
     "joint_torque": "sensor_msgs/msg/JointState",
-    **dict.fromkeys(_ARRAYS, "std_msgs/msg/Float64MultiArray"),
+    **dict.fromkeys((*_ARRAYS, "plain"), "std_msgs/msg/Float64MultiArray"),
     "joy": "sensor_msgs/msg/Joy",
     "mask": "std_msgs/msg/UInt8MultiArray",
 }
@@ -71,6 +74,7 @@ _FIXED_SIGNALS = {
     "geometry_msgs/msg/WrenchStamped": signals.WRENCH,
     "geometry_msgs/msg/Vector3Stamped": signals.FORCE,
     "geometry_msgs/msg/PoseStamped": signals.POSE,
+    "geometry_msgs/msg/PointStamped": signals.POSITION,
     "geometry_msgs/msg/TwistStamped": signals.TWIST,
 }
 
@@ -78,6 +82,11 @@ _FIXED_SIGNALS = {
 def short_name(message: str) -> str:
     """The name inside definitions: `std_msgs/String` for `std_msgs/msg/String`."""
     return message.replace("/msg/", "/")
+
+
+def has_header(message: str) -> bool:
+    """Whether a message of ours, by its full name, carries a stamp and a frame."""
+    return "std_msgs/Header header" in FIELDS[short_name(message)]
 
 
 def definition(message: str) -> str:
@@ -140,8 +149,10 @@ def column_paths(signal: Signal) -> tuple[str, ...]:
     match signal.kind:
         case "wrench":
             return _axes("wrench.force", "wrench.torque")
-        case "force":
+        case "force" | "velocity":
             return _axes("vector")
+        case "position":
+            return _axes("point")
         case "pose":
             return (*_axes("pose.position"), "pose.orientation.w", *_axes("pose.orientation"))
         case "twist":
@@ -180,7 +191,7 @@ def blank_message(signal: Signal, frame: str) -> dict[str, Any]:
         case "joy":
             buttons = _button_count(signal)
             return {"header": header, "axes": [0.0] * (signal.width - buttons), "buttons": [0] * buttons}
-        case kind if kind == "mask" or kind in _ARRAYS:
+        case kind if kind in ("mask", "plain") or kind in _ARRAYS:
             # One dimension, whose label lists the columns, so that sizes still multiply to the length of the data.
             columns = {"label": ",".join(signal.columns), "size": signal.width, "stride": signal.width}
             return {"layout": {"dim": [columns]}, "data": [0] * signal.width}

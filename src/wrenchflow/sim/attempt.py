@@ -36,8 +36,8 @@ _REST_S = 0.5  # So long an arm that is latched is still recorded.
 # Names of attached files: the model for people and pictures, and the same to the last bit.
 MJCF, MODEL = "model.xml", "model.mjb.gz"
 # Last number of a seed: evaluation never meets a scene that was demonstrated, nor either the start's check, and who is
-# demonstrating is drawn apart.
-DEMONSTRATE, EVALUATE, CHECK, PERSON = range(4)
+# demonstrating is drawn apart, as is a sensor that is calibrated.
+DEMONSTRATE, EVALUATE, CHECK, PERSON, CALIBRATE = range(5)
 
 
 @dataclass(frozen=True, kw_only=True)

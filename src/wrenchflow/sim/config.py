@@ -1,6 +1,7 @@
 """What a person may set about attempts, whoever makes them; loads no simulator, so that `--help` can show it."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from wrenchflow.config import require_between
 from wrenchflow.control.config import ControlConfig, Impedance
@@ -16,6 +17,7 @@ class AttemptConfig:
         episodes: How many attempts.
         seed: Every random number of attempt i comes from (seed, i); `collect` and `deploy` never meet the same scene.
         rig: Name of a rig that comes with wrenchflow, or path of a rig.toml; without it, the task's own.
+        calibration: A file that `calibrate` wrote, whose payload takes the place of the rig's.
         tare_s: Time at rest, without contact, at the start, whose end tells the sensor's bias [s].
         impedance: How stiffly targets are followed.
         control: Limits and gains of the control core.
@@ -25,6 +27,7 @@ class AttemptConfig:
     episodes: int = 1
     seed: int = 0
     rig: str | None = None
+    calibration: Path | None = None
     tare_s: float = 1.0
     impedance: Impedance = field(default_factory=Impedance)
     control: ControlConfig = field(default_factory=ControlConfig)

@@ -167,6 +167,11 @@ class Plant:
         self.count += 1
 
     @property
+    def sensor(self) -> np.void:
+        """The sensor's record, dtype `ft_sensor.SENSOR`: the truth that its reading hides."""
+        return self._measure[0]["sensor"]
+
+    @property
     def recorded(self) -> np.ndarray:
         """All rows so far, dtype `ROW`, as a view."""
         return self.rows[: self.count]

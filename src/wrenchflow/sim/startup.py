@@ -24,7 +24,7 @@ def check_cell(config: AttemptConfig, stop: EmergencyStop | None = None) -> Star
         ConfigError: If the task or the rig does not exist, or the control configuration is beyond the hardware.
         StartupError: If a check fails.
     """
-    task, rig, model = scenery(config.task, config.rig)
+    task, rig, model = scenery(config.task, config.rig, config.calibration)
     scene_rng, plant_rng, *_ = generators((config.seed, 0, CHECK))
     data = mujoco.MjData(model)
     task.place(model, data, task.draw(model, scene_rng))

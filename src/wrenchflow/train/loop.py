@@ -115,6 +115,7 @@ def train_policy(
                     period_ns,
                     fit_observations(windows.features.numpy(), features.columns, features.floors),
                     fit_actions(windows.actions.numpy(), ACTION_COLUMNS, ACTION_FLOORS),
+                    steps[0].wrench_filter,
                 )
             )
         return (yield from _updates(policy, windows, windows_of(valid) if valid else None, config))
@@ -196,6 +197,8 @@ def _require_usable(steps: Sequence[Steps], features: Features) -> int:
     periods_ns = sorted({episode.period_ns for episode in steps})
     if len(periods_ns) > 1:
         raise DatasetError(f"episodes have steps every {periods_ns} ns, expected one period for all.")
+    if any(episode.wrench_filter != steps[0].wrench_filter for episode in steps):
+        raise DatasetError("episodes have wrenches through different filters, expected one filter for all.")
     return periods_ns[0]
 
 

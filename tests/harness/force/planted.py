@@ -112,6 +112,32 @@ def not_finite(episode: Episode, rng: np.random.Generator) -> Episode:
     return _with(episode, data)
 
 
+def repeated(episode: Episode, rng: np.random.Generator) -> Episode:
+    """A sensor that gives a new value at 3 to 8 of 10 samples only."""
+    data = episode[RAW].data.copy()
+    fresh = np.floor(np.arange(len(data)) * rng.uniform(0.3, 0.8))
+    first = np.unique(fresh, return_index=True)[1]
+    return _with(episode, data[first[fresh.astype(int)]])
+
+
+def jump(episode: Episode, rng: np.random.Generator) -> Episode:
+    """A force that is off by 40 to 100 N from a sample on while the tool rests, as of a driver that restarts."""
+    data = episode[RAW].data.copy()
+    speed = np.linalg.norm(episode["tcp_twist"].data[:, :3], axis=1)
+    still = np.flatnonzero(np.convolve(speed, np.ones(101) / 101, "same")[200 : len(data) - 200] < 0.01) + 200
+    at = int(rng.choice(still))
+    data[at:, int(rng.integers(0, 3))] += rng.choice([-1, 1]) * rng.uniform(40.0, 100.0)
+    return _with(episode, data)
+
+
+def implausible(episode: Episode, rng: np.random.Generator) -> Episode:
+    """A column in millinewtons, or of a counter that ran over: 1.6 times the range to a million."""
+    data = episode[RAW].data.copy()
+    at, width = int(rng.integers(20, len(data) - 320)), int(rng.integers(1, 300))
+    data[at : at + width, int(rng.integers(0, 6))] = rng.choice([-1, 1]) * 320.0 * 10 ** rng.uniform(0.0, 3.5)
+    return _with(episode, data)
+
+
 def quaternion_flip(episode: Episode, rng: np.random.Generator) -> Episode:
     """A quaternion that changes its sign from some sample on."""
     pose = episode["tcp_pose"]
@@ -134,5 +160,8 @@ FAULTS: Mapping[str, Callable[[Episode, np.random.Generator], Episode]] = Mappin
         "vibration": vibration,
         "not-finite": not_finite,
         "quaternion-flip": quaternion_flip,
+        "repeated": repeated,
+        "jump": jump,
+        "implausible": implausible,
     }
 )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int64
 
+from wrenchflow.errors import StreamError
 from wrenchflow.kinematics import jacobians
 from wrenchflow.process.anomalies.look import Look
 from wrenchflow.process.mount import SensorMount
@@ -55,11 +56,15 @@ def arm_force(look: Look) -> ArmForce | str:
     if full.sum() < _MIN:
         return f"there are {int(full.sum()) * _EVERY_NS * 1e-9:.2g} s in which sensor and joints speak"
     sensor, tau, q = (
-        np.add.reduceat(data[: row[-1]], row[:-1], axis=0)[full] / np.diff(row)[full, None]
+        # What begins after the last sample is empty, and is left out with all that is not full.
+        np.add.reduceat(data[: row[-1]], np.minimum(row[:-1], row[-1] - 1), axis=0)[full] / np.diff(row)[full, None]
         for data, row in zip((look.data, torque.data, joints.data[:, :ARM_JOINTS]), rows, strict=True)
     )
     middle = (edges[:-1] + _EVERY_NS // 2)[full]
-    _, held = held_pose(pose, middle)
+    try:
+        _, held = held_pose(pose, middle)
+    except StreamError as error:
+        return str(error)
     tip_m, J = jacobians(q, np.array(look.rig.T_flange_tcp))
     off_m = float(np.median(np.linalg.norm(tip_m - held[:, :3], axis=1)))
     if off_m > _NEAR_M:

@@ -6,39 +6,13 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from wrenchflow.compiled import kernel
 from wrenchflow.episode import Episode, Stream
 from wrenchflow.rig import Rig
+from wrenchflow.running_median import centred_median
 
 HALF = 4  # Samples to either side that a running median looks at: what is as long is no spike.
+MIN_FREE = 100  # Samples: with fewer of free motion, the whole reading has to tell the noise.
 MAD_TO_SIGMA = 1.4826  # Of a normal distribution.
-
-
-@kernel
-def _medians(data, half, out):
-    """Running median of each column over 2 * half + 1 samples, fewer at the ends."""
-    window = np.empty(2 * half + 1)
-    for column in range(data.shape[1]):
-        for i in range(data.shape[0]):
-            first, last = max(i - half, 0), min(i + half + 1, data.shape[0])
-            count = 0
-            for row in range(first, last):
-                value = data[row, column]
-                at = count
-                while at > 0 and window[at - 1] > value:
-                    window[at] = window[at - 1]
-                    at -= 1
-                window[at] = value
-                count += 1
-            middle = count // 2
-            out[i, column] = window[middle] if count % 2 else 0.5 * (window[middle - 1] + window[middle])
-
-
-def running_median(data: Float[np.ndarray, "n d"], half: int = HALF) -> Float[np.ndarray, "n d"]:
-    """Median of each sample and of `half` to either side, by columns. Shape (n, d)."""
-    out = np.empty(data.shape)
-    _medians(np.ascontiguousarray(data, np.float64), half, out)
-    return out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,15 +56,25 @@ class Look:
         """Nominal time between two samples [ns]."""
         return round(1e9 / self.rig.sensor.rate_hz)
 
+    @property
+    def noise(self) -> Float[np.ndarray, " d"]:
+        """What the rig says of the sensor's noise; what is smaller than that matters to nobody. Shape (d,)."""
+        return self.rig.sensor.noise[: self.data.shape[1]]
+
+    @property
+    def where_sigma(self) -> str:
+        """What `sigma` was found in."""
+        return "free motion" if self.free.sum() >= MIN_FREE else "the whole reading"
+
     @cached_property
     def rough(self) -> Float[np.ndarray, "n d"]:
         """What a running median leaves: noise, vibration, spikes. Shape (n, d)."""
-        return self.data - running_median(self.data)
+        return self.data - centred_median(self.data, 2 * HALF + 1)
 
     @cached_property
     def sigma(self) -> Float[np.ndarray, " d"]:
         """Robust standard deviation of `rough` in free motion, or of all where that is too little. Shape (d,)."""
-        rows = self.rough[self.free] if self.free.sum() >= 100 else self.rough
+        rows = self.rough[self.free] if self.free.sum() >= MIN_FREE else self.rough
         if not len(rows):
             return np.zeros(self.data.shape[1])
         return MAD_TO_SIGMA * np.median(np.abs(rows - np.median(rows, axis=0)), axis=0)

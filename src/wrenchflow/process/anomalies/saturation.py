@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wrenchflow.process.anomalies.implausible import BEYOND
 from wrenchflow.process.anomalies.look import Look
 from wrenchflow.process.finding import Finding
 
@@ -19,7 +20,7 @@ def find_saturation(look: Look) -> Iterator[Finding]:
     for i, name in enumerate(look.columns):
         for sense in (1.0, -1.0):
             column = sense * look.data[:, i]
-            at_end = column >= NEAR * limits[i]
+            at_end = (column >= NEAR * limits[i]) & (column <= BEYOND * limits[i])
             said = f"within 1 % of the range of {limits[i]:g} {look.units[i]}"
             if not at_end.any() and look.sigma[i] > 0.0:
                 top, below = (*np.unique(column)[::-1][:2], np.nan)[:2]

@@ -7,10 +7,12 @@ import numpy as np
 from wrenchflow.filtering import CausalLowpass
 from wrenchflow.process.anomalies.look import HALF, Look, runs_of
 from wrenchflow.process.finding import Finding
+from wrenchflow.process.stamps import GAP_PERIODS
 from wrenchflow.rig import Sensor
 
 KIND = "spike"
 SIGMAS = 8.0  # Of free motion. Five would be met once in a quarter of an hour by the noise of six columns alone.
+_LEAST = 3.0  # Times the noise that the rig grants its sensor.
 _LONGEST = 3  # Samples.
 _AROUND, _LOCAL = 50, 4.0  # Samples to either side, and how far it stands out of their mean size: a tone is no spike.
 
@@ -34,18 +36,22 @@ def find_spikes(look: Look) -> Iterator[Finding]:
     rough, sigma = look.rough, look.sigma
     bound = steepest(look.rig.sensor)
     limit = 0.5 * (bound + 1.0)
+    is_torn = np.diff(look.t) > GAP_PERIODS * look.period_ns  # Over a gap nobody knows how steeply it went.
     found: list[tuple[int, int, int]] = []
     for i in np.flatnonzero(sigma > 0.0):
-        for first, last in runs_of(np.abs(rough[:, i]) > SIGMAS * sigma[i]):
-            if last - first > _LONGEST or first < 1 or last >= len(rough):
+        least = max(SIGMAS * sigma[i], _LEAST * look.noise[i])
+        for first, last in runs_of(np.abs(rough[:, i]) > least):
+            if last - first > _LONGEST or first < 1 or last >= len(rough) or is_torn[first - 1 : last].any():
                 continue
             around = rough[max(first - HALF, 0) : last + HALF, i]
             wide = np.abs(rough[max(first - _AROUND, 0) : last + _AROUND, i])
             rest = (wide.sum() - np.abs(around).sum()) / max(len(wide) - len(around), 1)
             if np.abs(rough[first:last, i]).max() < _LOCAL * rest:
                 continue
-            flanks = abs(rough[first, i] - rough[first - 1, i]), abs(rough[last - 1, i] - rough[last, i])
-            if min(flanks) > limit * np.ptp(around) or (bound >= 1.0 and look.free[first:last].all()):
+            # Of the reading itself, for a median jumps from one side of a blow to the other.
+            column = look.data[max(first - HALF, 0) : last + HALF, i]
+            flanks = np.abs(look.data[[first, last - 1], i] - look.data[[first - 1, last], i])
+            if flanks.min() > limit * np.ptp(column) or (bound >= 1.0 and look.free[first:last].all()):
                 found.append((first, last, int(i)))
     found.sort()
     while found:
@@ -62,6 +68,6 @@ def find_spikes(look: Look) -> Iterator[Finding]:
             stop_ns=look.stop_ns(last - 1),
             columns=tuple(look.columns[i] for i in sorted(sizes)),
             evidence=f"{sizes[worst]:.3g} {look.units[worst]} off the running median in {look.columns[worst]}, "
-            f"{sizes[worst] / sigma[worst]:.0f} times the scatter of free motion, and steeper than a blow can be",
+            f"{sizes[worst] / sigma[worst]:.0f} times the scatter of {look.where_sigma}, steeper than a blow can be",
             samples=last - first,
         )

@@ -11,7 +11,8 @@ KIND = "vibration"
 _WINDOW = 512  # Samples of a periodogram: 2 Hz apart at 1 kHz.
 _FROM_HZ = 60.0  # Above the usual filter's band.
 _TONE = 40.0  # Power of a line over the median line; noise alone passes it once in 10^11 lines.
-_SIGMAS = 3.0  # Of the sensor's scatter, at least: a tool that rests on something hums a little.
+# Of the sensor's scatter at least, and more than the noise that the rig grants it: a tool at rest hums a little.
+_SIGMAS = 3.0
 
 
 def find_vibration(look: Look) -> Iterator[Finding]:
@@ -24,10 +25,12 @@ def find_vibration(look: Look) -> Iterator[Finding]:
     shape = np.hanning(_WINDOW)[:, None]
     for i, name in enumerate(look.columns):
         column = look.data[: count * _WINDOW, i].reshape(count, _WINDOW).T
+        # A tone that lasts is in the scatter, too, which therefore counts up to the sensor's noise only.
+        least = max(_SIGMAS * min(look.sigma[i], look.noise[i]), look.noise[i])
         power = np.abs(np.fft.rfft(shape * (column - column.mean(axis=0)), axis=0)[band]) ** 2
         floor = np.median(power, axis=0) / np.log(2.0)
         amplitude = 2.0 * np.sqrt(power) / shape.sum()
-        stands = (power > _TONE * floor) & (amplitude > _SIGMAS * look.sigma[i]) & (floor > 0.0)
+        stands = (power > _TONE * floor) & (amplitude > least) & (floor > 0.0)
         # A tone between two lines may change over from one to the other.
         near = stands.copy()
         near[1:] |= stands[:-1]

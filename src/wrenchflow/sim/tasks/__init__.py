@@ -2,9 +2,11 @@
 
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from wrenchflow.calibration import calibrated, load_calibration
 from wrenchflow.errors import ConfigError, unknown
 from wrenchflow.rig import Rig, load_rig
 from wrenchflow.sim.tasks.task import Task
@@ -33,13 +35,15 @@ def make_task(name: str) -> Task:
 
 
 @cache
-def scenery(task: str, rig: str | None = None) -> tuple[Task, Rig, Any]:
+def scenery(task: str, rig: str | None = None, calibration: Path | None = None) -> tuple[Task, Rig, Any]:
     """A task, a rig, the task's own if none is named, and the model of both.
 
-    One serves every episode of a process, for nothing writes to it.
+    One serves every episode of a process, for nothing writes to it. With a calibration the rig has the payload that
+    was found; in the model hangs what the rig says.
     """
     from wrenchflow.sim.tasks.task import make_model
 
     made = make_task(task)
     loaded = load_rig(rig or made.rig)
-    return made, loaded, make_model(made, loaded)
+    believed = loaded if calibration is None else calibrated(loaded, load_calibration(calibration))
+    return made, believed, make_model(made, loaded)
