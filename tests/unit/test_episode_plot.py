@@ -115,7 +115,7 @@ def test_events_are_bands_with_their_labels(recording):
     spike = Event(ZERO_NS + 2 * 10**8, ZERO_NS + 3 * 10**8, "anomaly", "spike")
     figure = episode_figure(clean(recording()).with_events(end, spike), "")
     bands = {trace.y[0]: trace for trace in figure.data if trace.type == "bar"}
-    assert set(bands) == {"phase", "contact", "anomaly"}
+    assert set(bands) == {"phase", "contact", "contact_mode", "anomaly"}
     assert bands["phase"].text == ("tare",)
     assert bands["contact"].base[0] == pytest.approx(0.5, abs=0.02)
     assert bands["contact"].x[0] == pytest.approx(0.5, abs=0.04)

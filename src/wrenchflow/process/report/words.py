@@ -26,6 +26,8 @@ ADVICE = MappingProxyType(
         "recording can be believed further than its bias, which nobody knows.",
         "no-contact": "See in the plot whether the tool touched anything at all. If it did, the thresholds of contact "
         "are too high for this force; if the task has no contact, say so with expects_contact = false.",
+        "implausible": "Put the right unit into the mapping, or the sensor's true range into the rig: no sensor reads "
+        "that far.",
         "wrong-sign": "Turn the sign of the force around in the mapping or the rig: a wrench is what the robot exerts "
         "on its environment.",
         "wrong-frame": "Check how the sensor is mounted (T_flange_sensor in the rig) against the arm: its axes are "
