@@ -67,7 +67,16 @@ def test_without_contact_the_snr_is_not_assessed_and_says_why(recording):
     assert not quality["has_contact"]
     assert set(quality.snr.values()) == {None}
     assert quality.why_not("snr_force_db") == "0 samples of contact, 100 needed"
-    assert [(finding.kind, finding.severity) for finding in quality.findings] == [("no-contact", "defect")]
+    assert [finding.kind for finding in quality.findings] == ["no-contact"]
+
+
+@pytest.mark.parametrize(("success", "severity"), [(True, "warning"), (False, "defect"), (None, "defect")])
+def test_a_success_without_contact_is_a_warning(recording, success, severity):
+    raw = recording(push_n=(0.0, 0.0, 0.0))
+    result = {} if success is None else {"result": {"success": success}}
+    meta = {key: value for key, value in raw.meta.items() if key != "result"} | result
+    _, quality = process_episode(replace(raw, meta=meta), CONFIG)
+    assert [(finding.kind, finding.severity) for finding in quality.findings] == [("no-contact", severity)]
 
 
 def test_a_force_sensor_gives_force_streams_and_no_moments(recording):

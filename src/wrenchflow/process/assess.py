@@ -162,7 +162,8 @@ def _no_contact(episode: Episode, felt: Felt, cleaned: Cleaned) -> Finding:
         start_ns=start_ns,
         stop_ns=stop_ns,
         columns=(),
-        evidence=f"no force makes a contact: {largest_n:.2g} N at most, expected {needed_n:.2g} N somewhere",
+        evidence=f"no force makes a contact: {largest_n:.2g} N at most, expected {needed_n:.2g} N for "
+        "longer than a moment",
     )
 
 
