@@ -19,7 +19,7 @@ DASHED = {"width": 1.2, "dash": "4px,3px"}
 
 _HIGHEST = 1e30  # What is beyond is no measurement, and no number in single precision.
 _GAP_PX = 36
-_LETTER_PX = 7  # As wide as a letter of a lane's name, about.
+_LETTER_PX = 7.5  # Of a lane's label, the widest letters that occur and a little air.
 
 
 @dataclass(frozen=True, kw_only=True)
