@@ -29,7 +29,6 @@ from wrenchflow.process.stamps import finite
 from wrenchflow.rig import rig_of
 
 REFUSED, NO_CONTACT, UNREADABLE = "no-clean-force", "no-contact", "unreadable"
-_FORCE_GROUPS = ("force", "contact", "energy")
 
 
 def assess(episode: Episode, cleaned: Cleaned | WrenchflowError, config: ProcessConfig) -> Assessment:
