@@ -241,6 +241,7 @@ def test_a_picture_shows_a_point_where_the_cameras_pose_says_that_it_is(peg, rig
 
 
 @needs_gl
+@pytest.mark.slow
 def test_cameras_in_real_time_by_the_command(tmp_path, wrenchflow):
     ran = wrenchflow(
         *("collect", tmp_path / "raw", "--episodes", 1, "--seed", 3, "--tare-s", 0.5, "--realtime"),

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -173,6 +174,7 @@ for seed in range(3):
 """
 
 
+@pytest.mark.slow
 def test_without_the_compiler_every_bit_of_schedule_and_targets_is_the_same(tmp_path: Path):
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", PLAIN, str(Path(__file__).parent)], env=plain, cwd=tmp_path, check=True)

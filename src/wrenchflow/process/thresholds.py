@@ -60,20 +60,12 @@ class Thresholds:
         noise_n = _rms(rows[:, :3])
         moves_n = rig.payload.mass_kg * (_INERTIA_LEFT_M_S2 if inertia_left else _INERTIA_OUT_M_S2) + _DRIFT_N
         on_n, off_n = _pair("n", noise_n, moves_n, config.on_n, config.off_n)
-        if labels.signal.width < 6:
-            return cls(
-                on_n=on_n,
-                off_n=off_n,
-                on_nm=None,
-                off_nm=None,
-                noise_n=noise_n,
-                noise_nm=None,
-                min_dwell_s=config.min_dwell_s,
-            )
-        noise_nm = _rms(rows[:, 3:])
-        # A force that is let pass must not count as a moment about a tcp that lies far from where it acts.
-        reach_m = float(np.linalg.norm(np.subtract(rig.T_flange_tcp[:3], rig.sensor.T_flange_sensor[:3])))
-        on_nm, off_nm = _pair("nm", noise_nm, moves_n * reach_m + _DRIFT_NM, config.on_nm, config.off_nm)
+        noise_nm = on_nm = off_nm = None
+        if labels.signal.width == 6:
+            noise_nm = _rms(rows[:, 3:])
+            # A force that is let pass must not count as a moment about a tcp that lies far from where it acts.
+            reach_m = float(np.linalg.norm(np.subtract(rig.T_flange_tcp[:3], rig.sensor.T_flange_sensor[:3])))
+            on_nm, off_nm = _pair("nm", noise_nm, moves_n * reach_m + _DRIFT_NM, config.on_nm, config.off_nm)
         return cls(
             on_n=on_n,
             off_n=off_n,
