@@ -39,7 +39,7 @@ def find_vibration(look: Look) -> Iterator[Finding]:
         near = stands.copy()
         near[1:] |= stands[:-1]
         near[:-1] |= stands[1:]
-        lasts = sliding_window_view(near, _IN_A_ROW, axis=1).all(axis=2).any(axis=0)
+        lasts = np.logical_or.reduce(sliding_window_view(near, _IN_A_ROW, axis=1).all(axis=2))
         for first, last in runs_of(lasts):
             part = amplitude[:, first : last + _IN_A_ROW - 1].mean(axis=1)
             line, start = int(np.argmax(part)), first * _HOP
