@@ -20,7 +20,8 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from torch.utils.data import DataLoader
 
 from wrenchflow.datasets import lerobot
-from wrenchflow.datasets.keys import About, to_keys
+from wrenchflow.datasets.about import About
+from wrenchflow.datasets.keys import to_keys
 from wrenchflow.datasets.lerobot_layout import ACTION, ENVIRONMENT_STATE, KEYS_OF, STATE, TIME_NS, WINDOW
 from wrenchflow.observation import OBSERVATIONS, Steps
 from wrenchflow.train.windows import Windows, make_windows
@@ -87,7 +88,7 @@ def main() -> None:
     seen, done = ([step / RATE_HZ for step in range(1 - N_OBS_STEPS, stop)] for stop in (1, HORIZON - N_OBS_STEPS + 1))
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder, "lerobot")
-        lerobot.write(root, episodes, About(task="window-sampler"))
+        lerobot.write(root, episodes, About())
         theirs = LeRobotDataset(
             "local/windows",
             root=root,

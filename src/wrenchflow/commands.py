@@ -230,7 +230,7 @@ class Process(Parallel):
 class Export(Parallel):
     """Make a data set of the recordings in CLEAN; OUT may hold one of each format."""
 
-    format: Annotated[Positional[str], arg(metavar="FORMAT", help="robomimic or lerobot.")]
+    format: Annotated[Positional[str], arg(metavar="FORMAT", help="robomimic, lerobot, or both with a comma.")]
     clean: Annotated[Positional[Path], arg(metavar="CLEAN", help="Folder of processed recordings.")]
     out: Out
     config: Annotated[ExportConfig, _UNPREFIXED] = field(default_factory=ExportConfig)

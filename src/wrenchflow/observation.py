@@ -1,11 +1,12 @@
 """What a policy sees and does at one step: sampled in the same way from a recording and from a running robot."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Float32, Int64
+from jaxtyping import Bool, Float, Float32, Int64
 
 from wrenchflow import sampling
 from wrenchflow.episode import Stream
@@ -42,11 +43,19 @@ class Steps:
     Attributes:
         episode_id: Id of the recording that the steps come from.
         t: Stamps of the steps [ns]. Shape (T,).
-        period_ns: Time between steps [ns].
+        period_ns: Nominal time between steps [ns]. A rate such as 30 Hz has no whole period, and pictures come a little
+            early or late, so stamps may be off it.
         observations: By name; `OBSERVATIONS` gives shapes and units. Shape (T, ...).
         actions: Target position [m] and rot6d. Shape (T, 9).
         success: Whether the attempt reached its goal; False where nobody said so.
         wrench_filter: What its wrench went through, and has to go through where a policy that learned from it runs.
+        recording_id: The recording that it is from. An episode that a gap divides becomes several, of one recording.
+        task: The task that was attempted.
+        operator: Who demonstrated; empty where nobody said so.
+        skew_ns: How old the newest sample of a stream was at each step [ns], by the stream's name. Shape (T,).
+        valid: Whether a stream had the samples that a step needs; where not, its values are those of the last step that
+            had. Shape (T,).
+        pictures: What each camera saw last at each step, compressed, by the camera's name. T of them.
     """
 
     episode_id: str
@@ -56,13 +65,22 @@ class Steps:
     actions: Float32[np.ndarray, "T 9"]
     success: bool = False
     wrench_filter: FilterConfig = field(default_factory=FilterConfig)
+    recording_id: str = ""
+    task: str = ""
+    operator: str = ""
+    skew_ns: Mapping[str, Int64[np.ndarray, " T"]] = field(default_factory=dict)
+    valid: Mapping[str, Bool[np.ndarray, " T"]] = field(default_factory=dict)
+    pictures: Mapping[str, Sequence[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, values in self.observations.items():
-            if len(values) != len(self.t):
-                raise DatasetError(
-                    f"observation '{name}' of {self.episode_id} has {len(values)} steps, expected {len(self.t)}."
-                )
+        object.__setattr__(self, "recording_id", self.recording_id or self.episode_id)
+        columns = {"observation": self.observations, "skew": self.skew_ns, "validity": self.valid}
+        for what, of in (*columns.items(), ("camera", self.pictures)):
+            for name, values in of.items():
+                if len(values) != len(self.t):
+                    raise DatasetError(
+                        f"{what} '{name}' of {self.episode_id} has {len(values)} steps, expected {len(self.t)}."
+                    )
         if len(self.actions) != len(self.t):
             raise DatasetError(
                 f"episode {self.episode_id} has {len(self.actions)} actions, expected {len(self.t)}, one a step."
@@ -101,16 +119,18 @@ def observe(
     for name in names:
         if name not in OBSERVATIONS:
             raise DatasetError(unknown("observation", name, OBSERVATIONS))
-    return {name: _single(_RULES[name](streams, t_ns), t_ns, name) for name in OBSERVATIONS if name in names}
+    return {name: _single(RULES[name].sample(streams, t_ns), t_ns, name) for name in OBSERVATIONS if name in names}
 
 
-def actions(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"], period_ns: int) -> Float32[np.ndarray, "T 9"]:
+def actions(
+    streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"], t_next_ns: Int64[np.ndarray, " T"]
+) -> Float32[np.ndarray, "T 9"]:
     """What was asked for at each step: the last `target_pose` at or before the next one.
 
     Args:
         streams: With `target_pose`, in the base frame.
         t_ns: Times of the steps [ns]. Shape (T,).
-        period_ns: Time to the next step [ns].
+        t_next_ns: Times of the steps that follow [ns]. Shape (T,).
 
     Returns:
         Position [m] and rot6d of the target. Shape (T, 9).
@@ -119,13 +139,10 @@ def actions(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"], period
         DatasetError: If `target_pose` is missing, does not cover a step, has a gap there, or is not finite.
     """
     target = sampling.take(streams, "target_pose", POSE)
-    t_action_ns = t_ns + period_ns
-    if len(t_ns) and t_action_ns[-1] > target.t[-1]:
-        raise DatasetError(
-            f"stream 'target_pose' ends at {target.t[-1]} ns, before the action at {t_action_ns[-1]} ns."
-        )
-    pose = sampling.latest(target, t_action_ns, "target_pose")
-    sampling.refuse_non_poses(pose, t_action_ns, "target_pose")
+    if len(t_next_ns) and t_next_ns[-1] > target.t[-1]:
+        raise DatasetError(f"stream 'target_pose' ends at {target.t[-1]} ns, before the action at {t_next_ns[-1]} ns.")
+    pose = sampling.latest(target, t_next_ns, "target_pose")
+    sampling.refuse_non_poses(pose, t_next_ns, "target_pose")
     action = np.concatenate([pose[:, :3], rot6d_of(rotation_of(pose[:, 3:]))], axis=1)
     return _single(action, t_ns, "action")
 
@@ -144,9 +161,6 @@ def _single(
 def _one_sign(pose: Float[np.ndarray, "T 7"]) -> Float[np.ndarray, "T 7"]:
     sign = np.where(pose[:, 4:5] < 0.0, -1.0, 1.0)
     return np.concatenate([pose[:, :3], sign * pose[:, 3:]], axis=1)
-
-
-type _Rule = Callable[[Mapping[str, Stream], Int64[np.ndarray, " T"]], Float[np.ndarray, "T ..."]]
 
 
 def _tcp_pose(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> Float[np.ndarray, "T 7"]:
@@ -185,15 +199,38 @@ def _goal_pose(streams: Mapping[str, Stream], t_ns: Int64[np.ndarray, " T"]) -> 
     return _one_sign(goal)
 
 
-_RULES: Mapping[str, _Rule] = MappingProxyType(
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    """How an observation comes from the samples of a stream.
+
+    Attributes:
+        stream: The stream.
+        method: `linear` and `slerp` between the two nearest samples; `latest`, `mean` and `window` of the last ones at
+            or before the step; `hold` for what is said on change.
+        reach_ns: How far back it looks [ns].
+        sample: The values of all steps at once.
+    """
+
+    stream: str
+    method: Literal["linear", "slerp", "latest", "mean", "window", "hold"]
+    reach_ns: int = 0
+    sample: Callable[[Mapping[str, Stream], Int64[np.ndarray, " T"]], Float[np.ndarray, "T ..."]]
+
+    @property
+    def is_causal(self) -> bool:
+        """Whether it uses nothing from after the step; between samples it uses the one that follows."""
+        return self.method not in ("linear", "slerp")
+
+
+RULES: Mapping[str, Rule] = MappingProxyType(
     {
-        "tcp_pose": _tcp_pose,
-        "tcp_twist": _tcp_twist,
-        "joint_position": _joint_position,
-        "joint_velocity": _joint_velocity,
-        "wrench": _wrench,
-        "wrench_mean": _wrench_mean,
-        "wrench_window": _wrench_window,
-        "goal_pose": _goal_pose,
+        "tcp_pose": Rule(stream="tcp_pose", method="slerp", sample=_tcp_pose),
+        "tcp_twist": Rule(stream="tcp_twist", method="linear", sample=_tcp_twist),
+        "joint_position": Rule(stream="joint_states", method="linear", sample=_joint_position),
+        "joint_velocity": Rule(stream="joint_states", method="linear", sample=_joint_velocity),
+        "wrench": Rule(stream="wrench", method="latest", sample=_wrench),
+        "wrench_mean": Rule(stream="wrench", method="mean", reach_ns=MEAN_NS, sample=_wrench_mean),
+        "wrench_window": Rule(stream="wrench", method="window", reach_ns=HISTORY_NS, sample=_wrench_window),
+        "goal_pose": Rule(stream="goal_pose", method="hold", sample=_goal_pose),
     }
 )

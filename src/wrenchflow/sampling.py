@@ -70,6 +70,25 @@ def refuse_gaps(
         _refuse(bad, stream.t[gap], stream.t[gap + 1], t_ns, name)
 
 
+def crosses_gap(stream: Stream, t_ns: Int64[np.ndarray, " T"], reach_ns: int) -> Bool[np.ndarray, " T"]:
+    """Whether what a time rests on is apart by more than `MAX_GAP_NS` anywhere.
+
+    Args:
+        stream: A stream that has begun at the first time, and goes on to the last one.
+        t_ns: Times [ns]. Shape (T,).
+        reach_ns: How far back a value looks from its time; 0 for one that needs its neighbours only.
+    """
+    first = np.maximum(np.searchsorted(stream.t, t_ns - reach_ns, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(stream.t, t_ns, side="left"), len(stream) - 1)
+    before_gap = np.flatnonzero(np.diff(stream.t) > MAX_GAP_NS)
+    return np.searchsorted(before_gap, first) < np.searchsorted(before_gap, last)
+
+
+def age_ns(t_sample: Int64[np.ndarray, " n"], t_ns: Int64[np.ndarray, " T"]) -> Int64[np.ndarray, " T"]:
+    """How long before each time the last sample was taken [ns]; there has to be one."""
+    return t_ns - t_sample[np.searchsorted(t_sample, t_ns, side="right") - 1]
+
+
 def refuse_non_poses(pose: Float[np.ndarray, "T 7"], t_ns: Int64[np.ndarray, " T"], name: str) -> None:
     """Refuse a pose that is not finite, or whose quaternion is not of length 1."""
     with np.errstate(over="ignore", invalid="ignore"):

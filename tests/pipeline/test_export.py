@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wrenchflow.config import to_mapping
 from wrenchflow.datasets import robomimic
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.datasets.export import FORMATS, export_folder
-from wrenchflow.datasets.grid import STREAMS, to_steps
 from wrenchflow.datasets.load import load_steps
+from wrenchflow.datasets.sample import STREAMS, to_steps
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import ConfigError, DatasetError, OutputError, RecordingError
 from wrenchflow.recording.reader import read_episode
@@ -73,9 +74,9 @@ def test_both_data_sets_live_in_one_folder_and_hold_the_steps_of_the_recordings(
             for name, values in other.observations.items():
                 np.testing.assert_array_equal(one.observations[name], values)
     manifest = json.loads((out / "robomimic.manifest.json").read_text())
-    assert manifest["config"] == {"rate_hz": 25.0, "valid_fraction": 0.1, "only_success": True}
+    assert manifest["config"] == to_mapping(config)
     assert sorted(manifest["inputs"]) == ["0000.mcap", "0001.mcap", "0002.mcap"]
-    about = json.loads((out / "lerobot" / "meta" / "wrenchflow.json").read_text())["about"]
+    about = json.loads((out / "lerobot" / "meta" / "wrenchflow.json").read_text())
     assert about["wrench_group_delay_s"] == 0.0104
 
 
@@ -104,25 +105,42 @@ def test_an_export_that_is_interrupted_leaves_nothing_that_looks_whole(clean, tm
     results = export_folder(format, clean, out, ExportConfig())
     next(results)
     results.close()
-    assert not out.exists()
+    assert not (out / FORMATS[format].name).exists()
+    assert len(list(export_folder(format, clean, out, ExportConfig()))) == 3
+    assert load_steps(out)
 
 
-@pytest.mark.parametrize(
-    ("episodes", "message"),
-    [
-        (
-            [recording(0), recording(1, task="wiping")],
-            "0001 is of task 'wiping' with 0.0104 s of lag in its wrench, expected",
-        ),
-        ([recording(0, success=False)], r"none of the 1 episodes .* says that it succeeded"),
-        ([replace(recording(0), events=(Event(START_NS, START_NS + 10**9, "phase", "tare"),))], "expected a step of"),
-    ],
-)
-def test_episodes_that_make_no_data_set_are_refused(tmp_path, episodes, message):
-    save(tmp_path / "clean", *episodes)
-    with pytest.raises(DatasetError, match=message):
-        list(export_folder("lerobot", tmp_path / "clean", tmp_path / "dataset", ExportConfig()))
-    assert not (tmp_path / "dataset").exists()
+def test_tasks_may_differ_and_are_told_apart(tmp_path):
+    save(tmp_path / "clean", recording(0), recording(1, task="wiping"))
+    list(export_folder("robomimic,lerobot", tmp_path / "clean", tmp_path / "dataset", ExportConfig()))
+    for path in ("robomimic.hdf5", "lerobot"):
+        assert [one.task for one in load_steps(tmp_path / "dataset" / path)] == ["peg-insertion", "wiping"]
+
+
+def test_what_cannot_be_part_of_the_data_set_is_left_out_and_the_reason_told(tmp_path):
+    short = replace(recording(1), events=(Event(START_NS, START_NS + 10**9, "phase", "tare"),))
+    raw = recording(2)
+    raw = replace(raw, streams={name: stream for name, stream in raw.streams.items() if name != "wrench"})
+    lagging = replace(recording(3), meta={"result": {"success": True}, "process": {"group_delay_s": 0.1}})
+    filtered = {"group_delay_s": 0.0104, "config": {"filter": {"cutoff_hz": 9.0}}}
+    other = replace(recording(4), meta={"result": {"success": True}, "process": filtered})
+    save(tmp_path / "clean", recording(0), short, raw, lagging, other, recording(6))
+    (tmp_path / "clean" / "0005.mcap").write_bytes(b"nothing of the kind")
+    out = tmp_path / "dataset"
+    results = {one.id: one for one in export_folder("lerobot", tmp_path / "clean", out, ExportConfig())}
+    reasons = {
+        "0001": "expected a step of 0.05 s",
+        "0002": "stream 'wrench' is not in",
+        "0003": "lags 0.1 s, expected 0.0104 s",
+        "0004": "a wrench through FilterConfig",
+        "0005": "0005.mcap",
+    }
+    assert set(results) == {f"{i:04d}" for i in range(7)}
+    for id, one in results.items():
+        assert reasons.get(id, "") in one.left_out
+        assert bool(one.left_out) == (id in reasons)
+        assert (one.steps > 0) == (id not in reasons)
+    assert [one.episode_id for one in load_steps(out)] == ["0000", "0006"]
 
 
 def test_bad_input_is_said_in_one_line(clean, tmp_path):
@@ -138,13 +156,13 @@ def test_bad_input_is_said_in_one_line(clean, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match=r"holds no \*\.mcap, got nothing"):
         export(folder=tmp_path / "empty")
-    raw = recording(5)
-    streams = {name: stream for name, stream in raw.streams.items() if name != "wrench"}
-    save(tmp_path / "raw", replace(raw, streams=streams))
-    with pytest.raises(RecordingError, match="stream 'wrench' is not in"):
-        export(folder=tmp_path / "raw")
-    with pytest.raises(DatasetError, match=r"LeRobot takes a whole number of steps a second, got 25/2 Hz"):
-        export("lerobot", config=ExportConfig(rate_hz=12.5))
+    save(tmp_path / "failed", recording(5, success=False))
+    with pytest.raises(DatasetError, match=r"none of the 1 recordings .* can be exported; 0005: not a success"):
+        export(folder=tmp_path / "failed")
+    with pytest.raises(DatasetError, match=r"0000: LeRobot takes a whole number of steps a second, got 25/2 Hz"):
+        export("robomimic,lerobot", config=ExportConfig(rate_hz=12.5))
+    with pytest.raises(ConfigError, match=r"no format is named\. Available: robomimic, lerobot"):
+        export(",")
     with pytest.raises(ConfigError, match="rate_hz must be above 0 and 1000 at most, got 0"):
         ExportConfig(rate_hz=0.0)
     with pytest.raises(ConfigError, match="valid_fraction must be 0 or more and below 1, got 1"):

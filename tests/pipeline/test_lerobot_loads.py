@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from wrenchflow.datasets import lerobot
-from wrenchflow.datasets.keys import About
+from wrenchflow.datasets.about import About
+from wrenchflow.datasets.increments import increments
 from wrenchflow.observation import OBSERVATIONS, Steps
 
 pytestmark = [
@@ -44,6 +45,9 @@ def steps() -> list[Steps]:
             },
             actions=rng.normal(0.0, 2.0, (n, 9)).astype(np.float32),
             success=True,
+            task="peg-insertion",
+            skew_ns={"wrench": rng.integers(0, 9, n)},
+            valid={"wrench": rng.random(n) < 0.9},
         )
         for i, n in enumerate(LENGTHS)
     ]
@@ -54,7 +58,7 @@ def folder(steps, tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lerobot.layout, "FILE_MB", 0.09)  # So that the episodes take more than one file.
         path = tmp_path_factory.mktemp("data") / "lerobot"
-        lerobot.write(path, steps, About(task="peg-insertion"))
+        lerobot.write(path, steps, About())
     assert len(list((path / "data").rglob("*.parquet"))) > 1
     return path
 
@@ -74,6 +78,10 @@ def state_of(one: Steps) -> np.ndarray:
     )
 
 
+def pose_of(one: Steps) -> np.ndarray:
+    return one.observations["tcp_pose"]
+
+
 def test_lerobot_loads_every_item_bit_for_bit(dataset, steps):
     assert (len(dataset), dataset.num_episodes, dataset.fps) == (sum(LENGTHS), len(LENGTHS), 20)
     items = iter(range(len(dataset)))
@@ -88,6 +96,9 @@ def test_lerobot_loads_every_item_bit_for_bit(dataset, steps):
             assert item["observation.wrench_window"].shape == (50, 6)
             assert item["action"].numpy().tobytes() == one.actions[k].tobytes()
             assert int(item["observation.time_ns"]) == one.t[k]
+            assert item["target_increment"].numpy().tobytes() == increments(pose_of(one), one.actions)[k].tobytes()
+            assert int(item["sync_skew_ns"]) == one.skew_ns["wrench"][k]
+            assert bool(item["sync_valid"]) == one.valid["wrench"][k]
             assert (int(item["episode_index"]), int(item["frame_index"])) == (episode, k)
             assert item["timestamp"].item() == pytest.approx(k / 20)
             assert item["task"] == "peg-insertion"

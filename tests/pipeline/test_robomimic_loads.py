@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from wrenchflow.datasets import robomimic as ours
-from wrenchflow.datasets.keys import About
+from wrenchflow.datasets.about import About
+from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.observation import OBSERVATIONS, Steps
 
 pytestmark = [
@@ -20,7 +21,7 @@ pytestmark = [
 ]
 
 LENGTHS = (30, 22, 41)
-KEYS = ("ee_pos", "ee_quat", "force_torque", "force_torque_window", "goal_pos")
+KEYS = ("ee_pos", "ee_quat", "force_torque", "force_window", "goal_pos")
 
 
 @pytest.fixture(scope="module")
@@ -36,11 +37,12 @@ def path(tmp_path_factory) -> Path:
             },
             actions=rng.normal(0.0, 2.0, (n, 9)).astype(np.float32),
             success=True,
+            task="peg-insertion",
         )
         for i, n in enumerate(LENGTHS)
     ]
     path = tmp_path_factory.mktemp("data") / "robomimic.hdf5"
-    ours.write(path, steps, About(task="peg-insertion"), valid_fraction=0.34)
+    ours.write(path, steps, About(config=ExportConfig(valid_fraction=0.34, next_obs=True)))
     return path
 
 
@@ -97,7 +99,7 @@ def test_its_behaviour_cloning_trains_on_force(path):
     dataset = loaded(path)
     shapes = {key: list(dataset[0]["obs"][key].shape[1:]) for key in KEYS}
     torch.manual_seed(0)
-    model = algo_factory(algo_name="bc", config=config, obs_key_shapes=shapes, ac_dim=9, device=torch.device("cpu"))
+    model = algo_factory(algo_name="bc", config=config, obs_key_shapes=shapes, ac_dim=6, device=torch.device("cpu"))
     model.set_train()
     loader = torch.utils.data.DataLoader(dataset, batch_size=16)
     losses = []

@@ -139,7 +139,7 @@ def test_an_action_is_the_target_at_the_next_step(seed, period_ms):
     rng = np.random.default_rng(seed)
     target = robot(rng)["tcp_pose"]
     t = target.t[[50, 200, 400]]
-    action = observation.actions({"target_pose": target}, t, period_ms * 1_000_000)
+    action = observation.actions({"target_pose": target}, t, t + period_ms * 1_000_000)
     expected = target.data[np.array([50, 200, 400]) + period_ms]
     R = rotation_of(expected[:, 3:])
     np.testing.assert_array_equal(action[:, :3], expected[:, :3].astype(np.float32))

@@ -6,7 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from wrenchflow.datasets.grid import STREAMS, period_of, rate_of, to_steps
+from wrenchflow.datasets.grid import Grid, rate_of
+from wrenchflow.datasets.sample import STREAMS, to_steps
 from wrenchflow.datasets.split import validation_ids
 from wrenchflow.episode import Episode, Event, Stream
 from wrenchflow.errors import ConfigError, DatasetError
@@ -45,7 +46,7 @@ def test_steps_run_from_the_tare_to_the_success(episode):
     assert list(steps.observations) == list(OBSERVATIONS)
     for name, values in steps.observations.items():
         np.testing.assert_array_equal(values, seen[name])
-    np.testing.assert_array_equal(steps.actions, actions(episode.streams, steps.t, 50 * MS))
+    np.testing.assert_array_equal(steps.actions, actions(episode.streams, steps.t, steps.t + 50 * MS))
 
 
 def test_without_events_steps_run_while_all_streams_do(episode):
@@ -64,17 +65,17 @@ def test_success_is_what_the_result_says(episode, meta):
 
 @pytest.mark.parametrize("rate_hz", [1, 15, 20, 25, 30, 60, 1000, Fraction(30000, 1001), Fraction(60000, 1001)])
 def test_the_rate_is_known_from_the_period(rate_hz):
-    assert rate_of(period_of(rate_hz)) == rate_hz
+    assert rate_of(Grid(rate_hz=Fraction(rate_hz)).period_ns) == rate_hz
 
 
 @pytest.mark.parametrize("rate_hz", [0, -20, 1001])
 def test_a_rate_that_no_policy_runs_at_is_refused(rate_hz):
     with pytest.raises(ConfigError, match=f"at most 1000 Hz, got {rate_hz} Hz"):
-        period_of(rate_hz)
+        Grid(rate_hz=Fraction(rate_hz))
 
 
 def test_an_episode_without_room_for_a_step_is_refused(episode):
-    with pytest.raises(DatasetError, match=r"episode 0007 has 0\.700 s .*, expected a step of 1 s or more"):
+    with pytest.raises(DatasetError, match=r"episode 0007: there are 0\.700 s .*, expected a step of 1 s or more"):
         to_steps(episode, 1)
 
 

@@ -114,7 +114,7 @@ def test_what_is_not_finite_in_single_precision_is_refused(streams, name, value)
     with pytest.raises(DatasetError, match="at 300000000 ns"):
         observe(streams, AT, [name])
     with pytest.raises(DatasetError, match="'target_pose'"):
-        actions(streams, AT, 0)
+        actions(streams, AT, AT)
 
 
 def test_a_quaternion_that_is_no_rotation_is_refused(streams):
@@ -145,7 +145,7 @@ def test_missing_and_unknown_names_say_what_there_is(streams):
 
 def test_a_target_that_is_not_there_yet_is_no_action(streams):
     with pytest.raises(DatasetError, match="'target_pose' ends at 599000000 ns, before the action at 600000000 ns"):
-        actions(streams, np.array([550 * MS]), 50 * MS)
+        actions(streams, np.array([550 * MS]), np.array([600 * MS]))
     streams["target_pose"] = without(streams["target_pose"], 330, 360)
     with pytest.raises(DatasetError, match=r"'target_pose' has no sample for 21.0 ms after 329000000 ns"):
-        actions(streams, AT, 50 * MS)
+        actions(streams, AT, AT + 50 * MS)

@@ -11,7 +11,7 @@ import pytest
 from wrenchflow.control.config import ControlConfig
 from wrenchflow.control.packet import MOST_WAYPOINTS
 from wrenchflow.control.safeguards import RUN, cause_of
-from wrenchflow.datasets.grid import to_steps
+from wrenchflow.datasets.sample import to_steps
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.deploy.link import Link
 from wrenchflow.deploy.rollout import Rollout, roll_out

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from wrenchflow.datasets import robomimic
-from wrenchflow.datasets.keys import About
+from wrenchflow.datasets.about import About
 from wrenchflow.datasets.split import validation_ids
 from wrenchflow.errors import CheckpointError, ConfigError, DatasetError, OutputError
 from wrenchflow.force_filter import FilterConfig
@@ -222,7 +222,7 @@ def test_a_config_that_cannot_be_trained_is_refused(wrong):
 @pytest.fixture(scope="module")
 def dataset(steps, tmp_path_factory):
     path = tmp_path_factory.mktemp("data") / "robomimic.hdf5"
-    robomimic.write(path, steps, About(task="felt"))
+    robomimic.write(path, steps, About())
     return path
 
 

@@ -1,6 +1,6 @@
 """What has to hold of steps before they are written, and of what is read; the formats check little."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -8,32 +8,36 @@ from wrenchflow.errors import DatasetError
 from wrenchflow.observation import ACTION_WIDTH, OBSERVATIONS, Steps
 
 
-def require_exportable(steps: Sequence[Steps]) -> None:
-    """Refuse steps that cannot make one data set.
+class Admission:
+    """Lets episodes into one data set, one by one, and holds what they have to share with the first of them."""
 
-    Raises:
-        DatasetError: If there are none, an episode is empty or there twice, their periods or filters differ, or an
-            observation is missing, of another shape or type, or not finite.
-    """
-    if not steps:
-        raise DatasetError("there is no episode to export.")
-    seen: set[str] = set()
-    for one in steps:
-        if one.episode_id in seen:
+    def __init__(self) -> None:
+        self.first: Steps | None = None
+        self._ids: set[str] = set()
+
+    def admit(self, one: Steps) -> None:
+        """Let an episode in.
+
+        Raises:
+            DatasetError: If it is empty or there already, if its period, filter, streams or cameras differ from those
+                of the first one, or if an observation is missing, of another shape or type, or not finite.
+        """
+        first = self.first or one
+        if one.episode_id in self._ids:
             raise DatasetError(f"episode {one.episode_id} is there twice; ids have to differ.")
-        seen.add(one.episode_id)
         if not len(one):
             raise DatasetError(f"episode {one.episode_id} has no steps.")
-        if one.period_ns != steps[0].period_ns:
-            raise DatasetError(
-                f"episode {one.episode_id} has a step every {one.period_ns} ns, expected {steps[0].period_ns} ns as in "
-                f"episode {steps[0].episode_id}."
-            )
-        if one.wrench_filter != steps[0].wrench_filter:
-            raise DatasetError(
-                f"episode {one.episode_id} has a wrench through {one.wrench_filter}, expected {steps[0].wrench_filter} "
-                f"as in episode {steps[0].episode_id}."
-            )
+        shared = {
+            "a step every": (f"{one.period_ns} ns", f"{first.period_ns} ns"),
+            "a wrench through": (one.wrench_filter, first.wrench_filter),
+            "pictures of": (_named(one.pictures), _named(first.pictures)),
+            "stamps of": (_named(one.skew_ns), _named(first.skew_ns)),
+        }
+        for what, (got, expected) in shared.items():
+            if got != expected:
+                raise DatasetError(
+                    f"episode {one.episode_id} has {what} {got}, expected {expected} as in episode {first.episode_id}."
+                )
         for name, shape in OBSERVATIONS.items():
             if name not in one.observations:
                 raise DatasetError(
@@ -41,6 +45,12 @@ def require_exportable(steps: Sequence[Steps]) -> None:
                 )
             require_values(one.observations[name], (len(one), *shape), f"'{name}' of episode {one.episode_id}")
         require_values(one.actions, (len(one), ACTION_WIDTH), f"the actions of episode {one.episode_id}")
+        self._ids.add(one.episode_id)
+        self.first = first
+
+
+def _named(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"
 
 
 def require_values(values: np.ndarray, shape: tuple[int, ...], what: str) -> None:

@@ -1,66 +1,85 @@
-"""The stage `export`: clean recordings to a data set that peers' tools load."""
+"""The stage `export`: clean recordings to data sets that peers' tools load, in one pass and in flat memory."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from wrenchflow.datasets import lerobot, robomimic
+from wrenchflow.datasets.about import About
+from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.config import ExportConfig
-from wrenchflow.datasets.grid import STREAMS, is_success, to_steps
-from wrenchflow.datasets.keys import About
+from wrenchflow.datasets.grid import Grid
 from wrenchflow.datasets.load import LEROBOT_NAME, ROBOMIMIC_NAME
+from wrenchflow.datasets.pictures import cameras_of
+from wrenchflow.datasets.sample import STREAMS, is_success, sample, topics_of
+from wrenchflow.datasets.sink import Sink
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import ConfigError, DatasetError, OutputError, unknown
+from wrenchflow.errors import ConfigError, DatasetError, OutputError, WrenchflowError, unknown
 from wrenchflow.manifest import write_manifest
 from wrenchflow.observation import Steps
-from wrenchflow.recording.reader import find_recordings, read_episode
+from wrenchflow.recording.reader import find_recordings, read_episode, read_info
 
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """A kind of data set: what it is called in the output folder, and what writes it."""
+    """A kind of data set.
+
+    Attributes:
+        name: What it is called in the output folder.
+        writing: What writes it.
+        check: Raises a DatasetError for an episode that it cannot hold.
+    """
 
     name: str
-    write: Callable[..., None]
+    writing: Callable[..., AbstractContextManager[Sink]]
+    check: Callable[[Steps], object] = lambda steps: None
 
 
 FORMATS: Mapping[str, Format] = MappingProxyType(
     {
-        "robomimic": Format(name=ROBOMIMIC_NAME, write=robomimic.write),
-        "lerobot": Format(name=LEROBOT_NAME, write=lerobot.write),
+        "robomimic": Format(name=ROBOMIMIC_NAME, writing=robomimic.writing),
+        "lerobot": Format(name=LEROBOT_NAME, writing=lerobot.writing, check=lerobot.frames_per_second),
     }
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedEpisode:
-    """What became of an episode.
+    """What became of a recording.
 
     Attributes:
         id: Its name.
         steps: Steps in the data set; 0 if it was left out.
+        parts: Episodes that it became: gaps may divide it.
+        invalid: Steps that are marked as not valid.
         left_out: Why it was, empty if it was not.
     """
 
     id: str
-    steps: int
+    steps: int = 0
+    parts: int = 0
+    invalid: int = 0
     left_out: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Sampled:
-    """What a worker sends back of an episode."""
+    """What a worker sends back of a recording."""
 
     id: str
-    about: About
-    steps: Steps | None
+    group_delay_s: float | None = None
+    parts: tuple[Steps, ...] = ()
+    left_out: str = ""
 
 
 def export_folder(
-    format: str,
+    formats: str,
     clean: Path,
     out: Path,
     config: ExportConfig,
@@ -69,64 +88,144 @@ def export_folder(
     overwrite: bool = False,
     executor: Executor | None = None,
 ) -> Iterator[ExportedEpisode]:
-    """Make a data set of every recording in a folder.
+    """Make data sets of every recording in a folder.
+
+    A recording that cannot be part of one is left out, and the reason is told; it is the first one that can which
+    decides on filter, streams and cameras.
 
     Args:
-        format: One of `FORMATS`.
+        formats: Some of `FORMATS`, with commas between; each recording is read once.
         clean: Folder of processed `*.mcap`; it is only read.
         out: Folder that gets `robomimic.hdf5` or `lerobot/`, and `<format>.manifest.json` beside it. It may hold the
-            other already. The data set is there once the iterator is exhausted, and not before.
+            others already. A data set is there once the iterator is exhausted, and not before.
         config: How.
         jobs: Worker processes.
-        overwrite: Replace a data set of this format that is there.
+        overwrite: Replace data sets of these formats that are there.
         executor: Used in place of worker processes of its own.
 
     Yields:
-        What became of each episode, in the order of the names.
+        What became of each recording, in the order of the names.
 
     Raises:
         ConfigError: If there is no such format.
-        OutputError: If the data set is there already, or cannot be written.
-        RecordingError: If there is nothing to read, or a recording is damaged or was not processed.
-        DatasetError: If an episode cannot be sampled, tasks differ, or no episode is left.
+        OutputError: If a data set is there already, or cannot be written.
+        RecordingError: If there is nothing to read.
+        DatasetError: If no recording can be part of the data set.
     """
-    if format not in FORMATS:
-        raise ConfigError(unknown("format", format, FORMATS))
-    target = out / FORMATS[format].name
-    if target.exists() and not overwrite:
-        raise OutputError(f"output '{target}' exists already. Choose another place, or pass --overwrite.")
+    chosen = _formats(formats)
     if out.exists() and not out.is_dir():
         raise OutputError(f"output '{out}' is a file, expected a folder. Choose another place.")
-    paths = find_recordings(clean)
-    about: About | None = None
-    kept: list[Steps] = []
-    for sampled in map_episodes(partial(_sample, config), paths, jobs=jobs, executor=executor):
-        if sampled.steps is None:
-            yield ExportedEpisode(id=sampled.id, steps=0, left_out="not a success")
-            continue
-        about = about or sampled.about
-        if sampled.about != about:
-            raise DatasetError(
-                f"episode {sampled.id} is {_said(sampled.about)}, expected {_said(about)} as in episode "
-                f"{kept[0].episode_id}."
+    for format in chosen.values():
+        if (out / format.name).exists() and not overwrite:
+            raise OutputError(
+                f"output '{out / format.name}' exists already. Choose another place, or pass --overwrite."
             )
-        kept.append(sampled.steps)
-        yield ExportedEpisode(id=sampled.id, steps=len(sampled.steps))
-    if about is None:
-        raise DatasetError(f"none of the {len(paths)} episodes in '{clean}' says that it succeeded; nothing to export.")
-    FORMATS[format].write(target, kept, about, valid_fraction=config.valid_fraction, overwrite=overwrite)
-    write_manifest(out, f"export {format}", config, paths, name=f"{format}.manifest.json")
+    paths = find_recordings(clean)
+    grid = _grid(config, paths)
+    with ExitStack() as stack:
+        data_set = _DataSet(chosen, out, config, stack, overwrite=overwrite)
+        reasons: dict[str, str] = {}
+        for sampled in map_episodes(partial(_sample, config, grid), paths, jobs=jobs, executor=executor):
+            if left_out := sampled.left_out or data_set.add(sampled):
+                reasons[sampled.id] = left_out
+                yield ExportedEpisode(id=sampled.id, left_out=left_out)
+                continue
+            yield ExportedEpisode(
+                id=sampled.id,
+                steps=sum(map(len, sampled.parts)),
+                parts=len(sampled.parts),
+                invalid=sum(_invalid(part) for part in sampled.parts),
+            )
+        if len(reasons) == len(paths):
+            id, reason = next(iter(reasons.items()))
+            raise DatasetError(f"none of the {len(paths)} recordings in '{clean}' can be exported; {id}: {reason}.")
+    for name in chosen:
+        write_manifest(out, f"export {name}", config, paths, name=f"{name}.manifest.json")
 
 
-def _said(about: About) -> str:
-    lag = "an unknown lag" if about.wrench_group_delay_s is None else f"{about.wrench_group_delay_s:g} s of lag"
-    return f"of task '{about.task}' with {lag} in its wrench"
+class _DataSet:
+    """The data sets that are being written, which are made when the first episode is there."""
+
+    def __init__(
+        self,
+        formats: Mapping[str, Format],
+        out: Path,
+        config: ExportConfig,
+        stack: ExitStack,
+        *,
+        overwrite: bool,
+    ) -> None:
+        self._formats, self._out, self._config, self._stack = formats, out, config, stack
+        self._overwrite = overwrite
+        self._admission = Admission()
+        self._group_delay_s: float | None = None
+        self._sinks: list[Sink] = []
+
+    def add(self, sampled: _Sampled) -> str:
+        """Write a recording to all of them, or to none and say why."""
+        if self._sinks and sampled.group_delay_s != self._group_delay_s:
+            return f"its wrench lags {sampled.group_delay_s} s, expected {self._group_delay_s} s as that of the others"
+        try:
+            for part in sampled.parts:
+                for format in self._formats.values():
+                    format.check(part)
+                self._admission.admit(part)
+        except DatasetError as error:
+            return str(error).rstrip(".")
+        if not self._sinks:
+            self._group_delay_s = sampled.group_delay_s
+            about = About(config=self._config, wrench_group_delay_s=sampled.group_delay_s)
+            self._sinks = [
+                self._stack.enter_context(format.writing(self._out / format.name, about, overwrite=self._overwrite))
+                for format in self._formats.values()
+            ]
+        for part in sampled.parts:
+            for sink in self._sinks:
+                sink.add(part)
+        return ""
 
 
-def _sample(config: ExportConfig, path: Path) -> _Sampled:
-    episode = read_episode(path, STREAMS)
-    process = episode.meta.get("process")
-    group_delay_s = process.get("group_delay_s") if isinstance(process, Mapping) else None
-    about = About(task=episode.task, wrench_group_delay_s=group_delay_s)
-    is_wanted = is_success(episode) or not config.only_success
-    return _Sampled(id=episode.id, about=about, steps=to_steps(episode, config.rate) if is_wanted else None)
+def _formats(wanted: str) -> Mapping[str, Format]:
+    names = [name.strip() for name in wanted.split(",") if name.strip()]
+    for name in names:
+        if name not in FORMATS:
+            raise ConfigError(unknown("format", name, FORMATS))
+    if not names:
+        raise ConfigError(f"no format is named. Available: {', '.join(FORMATS)}.")
+    return {name: FORMATS[name] for name in names}
+
+
+def _grid(config: ExportConfig, paths: Sequence[Path]) -> Grid:
+    cameras = config.cameras
+    if cameras is None:
+        cameras = next((found for found in map(_cameras, paths) if found is not None), ())
+    return Grid(
+        rate_hz=config.rate,
+        camera="" if config.grid == "rate" else config.grid,
+        cameras=cameras,
+        gaps=config.gaps,
+    )
+
+
+def _cameras(path: Path) -> tuple[str, ...] | None:
+    """The cameras of a recording; None for one that cannot be read, which is told when its turn comes."""
+    try:
+        return cameras_of(read_info(path))
+    except WrenchflowError:
+        return None
+
+
+def _invalid(steps: Steps) -> int:
+    return int((~np.logical_and.reduce([*steps.valid.values(), np.ones(len(steps), bool)])).sum())
+
+
+def _sample(config: ExportConfig, grid: Grid, path: Path) -> _Sampled:
+    try:
+        episode = read_episode(path, STREAMS, messages=topics_of(grid))
+        process = episode.meta.get("process")
+        group_delay_s = process.get("group_delay_s") if isinstance(process, Mapping) else None
+        if config.only_success and not is_success(episode):
+            return _Sampled(id=episode.id, left_out="not a success")
+        return _Sampled(id=episode.id, group_delay_s=group_delay_s, parts=sample(episode, grid))
+    except WrenchflowError as error:
+        return _Sampled(id=path.stem, left_out=str(error).removeprefix(f"episode {path.stem}: ").rstrip("."))

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
 
-from wrenchflow.observation import OBSERVATIONS
+from wrenchflow.observation import MEAN_NS, OBSERVATIONS, RULES
 from wrenchflow.signals import ARM_JOINTS, TWIST, WRENCH
 
 
@@ -36,6 +37,27 @@ class Key:
     def shape(self) -> tuple[int, ...]:
         """Shape of one step's value."""
         return (*OBSERVATIONS[self.observation][:-1], len(self.take))
+
+    def described(self, wrench_group_delay_s: float | None) -> dict[str, Any]:
+        """What a data set says of it, as plain values.
+
+        Args:
+            wrench_group_delay_s: How far the causal filter makes the wrench lag behind slow changes [s].
+        """
+        rule = RULES[self.observation]
+        group_delay_s = 0.0 if rule.stream != "wrench" else wrench_group_delay_s
+        if rule.method == "mean" and group_delay_s is not None:
+            group_delay_s += 0.5e-9 * MEAN_NS
+        return {
+            "columns": self.columns,
+            "units": self.units,
+            "frame": self.frame,
+            "stream": rule.stream,
+            "method": rule.method,
+            "rule": self.rule,
+            "causal": rule.is_causal,
+            "group_delay_s": group_delay_s,
+        }
 
 
 def _position(name: str, observation: str, rule: str) -> Key:
@@ -94,7 +116,7 @@ KEYS = (
     _position("ee_pos", "tcp_pose", _LINEAR),
     _quaternion("ee_quat", "tcp_pose", _SLERP),
     Key(
-        name="ee_twist",
+        name="tcp_twist",
         observation="tcp_twist",
         take=tuple(range(TWIST.width)),
         columns=TWIST.columns,
@@ -106,7 +128,7 @@ KEYS = (
     _joints("joint_vel", "joint_velocity", "dq", "rad/s"),
     _wrench("force_torque", "wrench", "the last causally filtered sample at or before the step"),
     _wrench("force_torque_mean", "wrench_mean", "mean of the causally filtered samples of the last 100 ms"),
-    _wrench("force_torque_window", "wrench_window", "the last 50 causally filtered samples, oldest first"),
+    _wrench("force_window", "wrench_window", "the last 50 causally filtered samples, oldest first"),
     _position("goal_pos", "goal_pose", _HELD),
     _quaternion("goal_quat", "goal_pose", _HELD),
 )
@@ -114,23 +136,12 @@ ACTION_COLUMNS = ("x", "y", "z", "r11", "r21", "r31", "r12", "r22", "r32")
 ACTION_UNITS = ("m",) * 3 + ("1",) * 6
 ACTION_RULE = (
     "target of the tool centre point at the next step, in the base frame: position, then rot6d (the first two columns "
-    "of the rotation matrix)"
+    "of the rotation matrix); a command, held and never interpolated"
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class About:
-    """What is known of a whole data set, and goes along with it.
-
-    Attributes:
-        task: The task that was attempted.
-        wrench_stage: What was done to the wrench.
-        wrench_group_delay_s: How far the causal filter makes the wrench lag behind slow changes [s].
-    """
-
-    task: str
-    wrench_stage: str = "tared, gravity-compensated, causally filtered"
-    wrench_group_delay_s: float | None = None
+SKEW_RULE = "how old the newest sample of the stream was at the step [ns]"
+VALID_RULE = (
+    "1 where the stream had the samples that the step needs; where it is 0, values are those of the step before"
+)
 
 
 def to_keys(observations: Mapping[str, Float32[np.ndarray, "T ..."]]) -> dict[str, Float32[np.ndarray, "T ..."]]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from wrenchflow.datasets import lerobot, robomimic
+from wrenchflow.datasets import lerobot_reader, robomimic_reader
 from wrenchflow.errors import DatasetError
 from wrenchflow.observation import Steps
 
@@ -21,12 +21,12 @@ def load_steps(path: Path) -> list[Steps]:
         DatasetError: If there is no such data set, or it cannot be read.
     """
     if path.is_file():
-        return robomimic.read(path)
+        return robomimic_reader.read(path)
     if (path / ROBOMIMIC_NAME).is_file():
-        return robomimic.read(path / ROBOMIMIC_NAME)
+        return robomimic_reader.read(path / ROBOMIMIC_NAME)
     for folder in (path, path / LEROBOT_NAME):
         if (folder / "meta" / "info.json").is_file():
-            return lerobot.read(folder)
+            return lerobot_reader.read(folder)
     if not path.is_dir():
         raise DatasetError(f"data set '{path}' does not exist.")
     found = ", ".join(sorted(entry.name for entry in path.iterdir())) or "nothing"

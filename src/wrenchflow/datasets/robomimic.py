@@ -1,60 +1,69 @@
-"""Steps to and from robomimic's HDF5, and the checks that nobody else makes on such a file.
+"""Writes robomimic's HDF5, an episode at a time.
 
-What robomimic has no place for (times, units, frames, how actions were scaled) is in attributes, which it ignores.
+What robomimic has no place for (times, units, frames, how values were sampled, how actions were scaled) is in
+attributes and in data sets of names that it ignores. Numbers lie as they are, without chunks or compression: a force
+is noise in its last bits, so that gzip saves a tenth and costs four times the time to write (measured, RESULTS.md).
 """
 
 import json
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 from jaxtyping import Float32
 
 from wrenchflow import __version__
-from wrenchflow.config import from_mapping, to_mapping
-from wrenchflow.datasets.checks import require_exportable, require_values
-from wrenchflow.datasets.grid import rate_of
-from wrenchflow.datasets.keys import ACTION_COLUMNS, ACTION_RULE, ACTION_UNITS, KEYS, About, Key, from_keys, to_keys
-from wrenchflow.datasets.split import validation_ids
-from wrenchflow.errors import ConfigError, DatasetError, OutputError
-from wrenchflow.force_filter import FilterConfig
-from wrenchflow.observation import ACTION_WIDTH, Steps
+from wrenchflow.datasets import increments, keys
+from wrenchflow.datasets.about import About
+from wrenchflow.datasets.checks import Admission
+from wrenchflow.datasets.keys import to_keys
+from wrenchflow.datasets.masks import Member, masks_of
+from wrenchflow.datasets.pictures import decode_all
+from wrenchflow.errors import DatasetError, OutputError
+from wrenchflow.manifest import partial_of
+from wrenchflow.observation import Steps
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 _GYM = 2  # robomimic's number for an environment that is not robosuite's.
+_TRANSLATION = 3  # The first columns of an increment, in [m]; the others are in [rad].
 
 
-def write(
-    path: Path, steps: Sequence[Steps], about: About, *, valid_fraction: float = 0.1, overwrite: bool = False
-) -> None:
+def write(path: Path, steps: Sequence[Steps], about: About, *, overwrite: bool = False) -> None:
+    """Write episodes that are in memory; `writing` says the rest."""
+    with writing(path, about, overwrite=overwrite) as sink:
+        for one in steps:
+            sink.add(one)
+
+
+@contextmanager
+def writing(path: Path, about: About, *, overwrite: bool = False) -> Iterator["RobomimicSink"]:
     """Write a data set as robomimic's HDF5; equal steps give equal bytes.
 
-    Actions are divided by `action_scale`, a power of two a column, so that they lie in [-1, 1] and multiplying gives
-    them back exactly. The last step's `next_obs` repeats its `obs`: the episode ends there.
+    `actions` are pose increments, divided by `action_scale` so that they lie in [-1, 1]: a power of two for translation
+    and one for rotation, so that multiplying gives them back exactly. The targets themselves are beside them, as
+    `actions_abs`. Where `next_obs` is asked for, that of the last step repeats its `obs`: the episode ends there.
 
     Args:
-        path: The file; it is called `<path>.partial` until it is whole.
-        steps: One entry an episode.
+        path: The file; it is called `<path>.partial` until the block ends well.
         about: What is known of the whole.
-        valid_fraction: Share of the episodes that `/mask/valid` names.
         overwrite: Replace a file that is there.
 
     Raises:
-        DatasetError: If the steps cannot make one data set.
+        DatasetError: If there was no episode.
         OutputError: If the path is taken or cannot be written.
     """
-    require_exportable(steps)
     if path.exists() and not overwrite:
         raise OutputError(f"output '{path}' exists already. Choose another place, or pass --overwrite.")
-    partial = path.with_name(path.name + ".partial")
+    partial = partial_of(path)
     try:
         partial.parent.mkdir(parents=True, exist_ok=True)
         with h5py.File(partial, "w") as file:
-            _write_all(file, steps, about, valid_fraction)
+            sink = RobomimicSink(file, about)
+            yield sink
+            sink.finish()
         with partial.open("rb") as written:
             os.fsync(written.fileno())
         os.replace(partial, path)
@@ -62,175 +71,101 @@ def write(
         raise OutputError(f"output '{path}' cannot be written: {error}") from error
 
 
-def read(path: Path) -> list[Steps]:
-    """Read and check a file that `write` made.
+class RobomimicSink:
+    """Takes episodes into an open file."""
 
-    Raises:
-        DatasetError: If it is missing or not HDF5, has another layout, or holds what no layout allows: values that are
-            not finite, arrays of another length than `num_samples`, actions outside [-1, 1].
-    """
-    if not path.is_file():
-        raise DatasetError(f"data set '{path}' does not exist.")
-    try:
-        with h5py.File(path, "r") as file:
-            return _read_all(file, path)
-    except (OSError, RuntimeError) as error:  # h5py raises either for a damaged file.
-        raise DatasetError(f"'{path}' cannot be read as HDF5: {error}") from error
+    def __init__(self, file: h5py.File, about: About) -> None:
+        self._file, self._about = file, about
+        self._data = file.create_group("data")
+        self._admission = Admission()
+        self._members: list[Member] = []
+        self._total = 0
+        self._largest = np.zeros(increments.WIDTH, np.float32)
+
+    def add(self, steps: Steps) -> None:
+        """Write an episode as the next demo."""
+        self._admission.admit(steps)
+        made = increments.increments(steps.observations["tcp_pose"], steps.actions)
+        self._largest = np.maximum(self._largest, np.abs(made).max(axis=0))
+        demo = self._data.create_group(f"demo_{len(self._members)}")
+        demo.attrs["num_samples"] = len(steps)
+        for name in ("episode_id", "recording_id", "task", "operator", "success"):
+            demo.attrs[name] = getattr(steps, name)
+        last = np.arange(len(steps)) == len(steps) - 1
+        _write(demo, "actions", made)  # Scaled in `finish`, when all are known.
+        _write(demo, "actions_abs", steps.actions)
+        _write(demo, "rewards", (last & steps.success).astype(np.float32))
+        _write(demo, "dones", last.astype(np.int64))
+        _write(demo, "t_ns", steps.t)
+        if steps.skew_ns:
+            _write(demo, "skew_ns", np.stack(list(steps.skew_ns.values()), axis=1))
+            _write(demo, "valid", np.stack(list(steps.valid.values()), axis=1).astype(np.uint8))
+        following = np.minimum(np.arange(len(steps)) + 1, len(steps) - 1)
+        for name, values in self._observed(steps).items():
+            _write(demo, f"obs/{name}", values)
+            if self._about.config.next_obs:
+                _write(demo, f"next_obs/{name}", values[following])
+        self._members.append(Member.of(steps))
+        self._total += len(steps)
+
+    def finish(self) -> None:
+        """Scale the actions, and write what is known of the whole."""
+        first = self._admission.first
+        if first is None:
+            raise DatasetError("there is no episode to export.")
+        scale = action_scale(self._largest)
+        for name, demo in self._data.items():
+            made = demo["actions"][()]
+            stored = made / scale
+            if not np.array_equal(stored * scale, made):
+                raise DatasetError(f"the actions of {name} hold numbers too small to be scaled exactly.")
+            demo["actions"][...] = stored
+        tasks = sorted({member.task for member in self._members})
+        env_args = {"env_name": ", ".join(tasks), "type": _GYM, "env_version": __version__, "env_kwargs": {}}
+        described = self._about.described(first)
+        attributes = self._data.attrs
+        attributes["total"] = self._total
+        attributes["env_args"] = json.dumps(env_args)
+        attributes["wrenchflow_format"] = FORMAT_VERSION
+        attributes["about"] = json.dumps(described)
+        attributes["period_ns"], attributes["rate_hz"] = described["period_ns"], described["rate_hz"]
+        attributes["action_scale"] = scale
+        attributes["action_columns"] = increments.COLUMNS
+        attributes["action_units"] = increments.UNITS
+        attributes["action_rule"] = f"{increments.RULE}; stored divided by action_scale"
+        attributes["actions_abs_columns"] = keys.ACTION_COLUMNS
+        attributes["actions_abs_units"] = keys.ACTION_UNITS
+        attributes["actions_abs_rule"] = keys.ACTION_RULE
+        attributes["quaternion_order"] = "xyzw"
+        attributes["force_torque_is_causal"] = True
+        if first.skew_ns:
+            attributes["sync_streams"] = list(first.skew_ns)
+        if self._about.config.next_obs:
+            attributes["next_obs_rule"] = "obs of the next step; of the last step, its own"
+        for name, members in masks_of(self._members, self._about).items():
+            named = [f"demo_{i}".encode() for i in members]
+            width = max((len(each) for each in named), default=1)
+            _write(self._file, f"mask/{name}", np.array(named, dtype=f"S{width}"))
+
+    def _observed(self, steps: Steps) -> dict[str, np.ndarray]:
+        side_px = self._about.config.image_px
+        pictures = {f"{name}_image": decode_all(of, (side_px, side_px)) for name, of in steps.pictures.items()}
+        return {**to_keys(steps.observations), **pictures}
 
 
-def action_scale(steps: Sequence[Steps]) -> Float32[np.ndarray, " 9"]:
-    """The least power of two a column, 1 or more, that brings all actions into [-1, 1]."""
-    largest = np.max([np.abs(one.actions).max(axis=0) for one in steps], axis=0)
-    fraction, exponent = np.frexp(largest)  # largest = fraction * 2^exponent, with 0.5 <= fraction < 1
-    return np.ldexp(np.float32(1.0), np.maximum(exponent - (fraction == 0.5), 0)).astype(np.float32)
+def action_scale(largest: Float32[np.ndarray, " 6"]) -> Float32[np.ndarray, " 6"]:
+    """The least powers of two, one for translation and one for rotation, that increments of that size fit into."""
+    scale = np.ones_like(largest)
+    for part in (slice(_TRANSLATION), slice(_TRANSLATION, None)):
+        fraction, exponent = np.frexp(largest[part].max())  # largest = fraction * 2^exponent, 0.5 <= fraction < 1
+        if fraction:
+            scale[part] = np.ldexp(np.float32(1.0), int(exponent) - (fraction == 0.5))
+    return scale
 
 
-def _write_all(file: h5py.File, steps: Sequence[Steps], about: About, valid_fraction: float) -> None:
-    scale = action_scale(steps)
-    rate_hz = rate_of(steps[0].period_ns)
-    data = file.create_group("data")
-    data.attrs["total"] = sum(len(one) for one in steps)
-    data.attrs["env_args"] = json.dumps(
-        {"env_name": about.task, "type": _GYM, "env_version": __version__, "env_kwargs": {}}
+def _write(group: h5py.Group, name: str, values: np.ndarray) -> None:
+    # The time of writing would make equal data different bytes. A picture is read by itself, and shrinks by a third.
+    packed = (
+        {"chunks": (1, *values.shape[1:]), "compression": "gzip", "compression_opts": 1} if values.ndim == 4 else {}
     )
-    data.attrs["wrenchflow_format"] = FORMAT_VERSION
-    data.attrs["task"] = about.task
-    data.attrs["period_ns"] = steps[0].period_ns
-    data.attrs["rate_hz"] = f"{rate_hz.numerator}/{rate_hz.denominator}"
-    data.attrs["wrench_stage"] = about.wrench_stage
-    if about.wrench_group_delay_s is not None:
-        data.attrs["wrench_group_delay_s"] = about.wrench_group_delay_s
-    data.attrs["wrench_filter"] = json.dumps(to_mapping(steps[0].wrench_filter))
-    data.attrs["action_scale"] = scale
-    data.attrs["action_columns"] = ACTION_COLUMNS
-    data.attrs["action_units"] = ACTION_UNITS
-    data.attrs["action_rule"] = f"{ACTION_RULE}; stored divided by action_scale"
-    data.attrs["obs_keys"] = json.dumps({key.name: _described(key) for key in KEYS})
-    data.attrs["next_obs_rule"] = "obs of the next step; of the last step, its own"
-    for i, one in enumerate(steps):
-        _write_demo(data.create_group(f"demo_{i}"), one, scale)
-    valid = validation_ids([one.episode_id for one in steps], valid_fraction)
-    for name, is_member in (("train", lambda id: id not in valid), ("valid", lambda id: id in valid)):
-        members = [f"demo_{i}".encode() for i, one in enumerate(steps) if is_member(one.episode_id)]
-        width = max((len(member) for member in members), default=1)
-        _write_array(file, f"mask/{name}", np.array(members, dtype=f"S{width}"))
-
-
-def _described(key: Key) -> dict[str, Any]:
-    return {"columns": key.columns, "units": key.units, "frame": key.frame, "rule": key.rule}
-
-
-def _write_demo(demo: h5py.Group, steps: Steps, scale: Float32[np.ndarray, " 9"]) -> None:
-    demo.attrs["num_samples"] = len(steps)
-    demo.attrs["episode_id"] = steps.episode_id
-    demo.attrs["success"] = steps.success
-    stored = steps.actions / scale
-    if not np.array_equal(stored * scale, steps.actions):
-        raise DatasetError(f"the actions of episode {steps.episode_id} hold numbers too small to be scaled exactly.")
-    last = np.arange(len(steps)) == len(steps) - 1
-    _write_array(demo, "actions", stored)
-    _write_array(demo, "rewards", (last & steps.success).astype(np.float32))
-    _write_array(demo, "dones", last.astype(np.int64))
-    _write_array(demo, "t_ns", steps.t)
-    following = np.minimum(np.arange(len(steps)) + 1, len(steps) - 1)
-    values = to_keys(steps.observations)
-    for key in KEYS:
-        for group, rows in (("obs", values[key.name]), ("next_obs", values[key.name][following])):
-            _write_array(demo, f"{group}/{key.name}", rows)
-
-
-def _write_array(group: h5py.Group, name: str, values: np.ndarray) -> None:
-    # The time of writing would make equal data different bytes.
-    group.create_dataset(name, data=values, track_times=False)
-
-
-def _read_all(file: h5py.File, path: Path) -> list[Steps]:
-    where = f"'{path}'"
-    data = file.get("data")
-    if not isinstance(data, h5py.Group) or "wrenchflow_format" not in data.attrs:
-        raise DatasetError(
-            f"{where} is not a robomimic file of wrenchflow: expected /data with attributes wrenchflow_format, "
-            f"period_ns and action_scale, got {', '.join(file) or 'an empty file'}."
-        )
-    version = _attribute(data, "wrenchflow_format", int, where)
-    if version > FORMAT_VERSION:
-        raise DatasetError(f"{where} has format {version}; this wrenchflow reads formats up to {FORMAT_VERSION}.")
-    scale = np.asarray(data.attrs.get("action_scale", ()), np.float32)
-    require_values(scale, (ACTION_WIDTH,), f"{where}: attribute action_scale")
-    period_ns = _attribute(data, "period_ns", int, where)
-    names = [str(name) for name in data]
-    for name in names:
-        if not (name.startswith("demo_") and name.removeprefix("demo_").isdecimal()):
-            raise DatasetError(f"{where}: /data holds '{name}', expected names of the form demo_0.")
-    names.sort(key=lambda name: int(name.removeprefix("demo_")))
-    felt = _read_filter(data, where)
-    steps = [_read_demo(data[name], scale, period_ns, f"{where}: {name}") for name in names]
-    steps = [replace(one, wrench_filter=felt) for one in steps]
-    if not steps:
-        raise DatasetError(f"{where} holds no episode.")
-    total = sum(len(one) for one in steps)
-    if _attribute(data, "total", int, where) != total:
-        raise DatasetError(f"{where} says total = {data.attrs['total']}, but its episodes have {total} samples.")
-    for mask in ("train", "valid"):
-        members = file.get(f"mask/{mask}")
-        for member in members[()] if isinstance(members, h5py.Dataset) else ():
-            if member.decode() not in names:
-                raise DatasetError(f"{where}: mask '{mask}' names '{member.decode()}', which is not in /data.")
-    return steps
-
-
-def _read_filter(data: h5py.Group, where: str) -> FilterConfig:
-    if "wrench_filter" not in data.attrs:  # As it was before it could be set.
-        return FilterConfig()
-    try:
-        return from_mapping(FilterConfig, json.loads(_attribute(data, "wrench_filter", str, where)), "wrench_filter")
-    except (ValueError, ConfigError) as error:
-        raise DatasetError(f"{where}: attribute 'wrench_filter' describes no filter: {error}") from error
-
-
-def _read_demo(demo: object, scale: Float32[np.ndarray, " 9"], period_ns: int, where: str) -> Steps:
-    if not isinstance(demo, h5py.Group):
-        raise DatasetError(f"{where} is not a group.")
-    count = _attribute(demo, "num_samples", int, where)
-    for name in ("rewards", "dones"):
-        _array(demo, name, count, where)
-    t = _array(demo, "t_ns", count, where)
-    if t.dtype != np.int64 or (np.diff(t) != period_ns).any():
-        raise DatasetError(f"{where}: t_ns has to be int64 with a step every {period_ns} ns.")
-    stored = _array(demo, "actions", count, where)
-    require_values(stored, (count, ACTION_WIDTH), f"{where}: actions")
-    if (np.abs(stored) > 1.0).any():
-        raise DatasetError(f"{where}: actions lie outside [-1, 1], up to {np.abs(stored).max():g}.")
-    values: dict[str, np.ndarray] = {}
-    for group in ("next_obs", "obs"):
-        for key in KEYS:
-            values[key.name] = _array(demo, f"{group}/{key.name}", count, where)
-            require_values(values[key.name], (count, *key.shape), f"{where}: {group}/{key.name}")
-    return Steps(
-        episode_id=_attribute(demo, "episode_id", str, where),
-        t=t,
-        period_ns=period_ns,
-        observations=from_keys(values),
-        actions=stored * scale,
-        success=_attribute(demo, "success", bool, where),
-    )
-
-
-def _attribute[T](group: h5py.Group, name: str, kind: Callable[[Any], T], where: str) -> T:
-    if name not in group.attrs:
-        raise DatasetError(f"{where}: attribute '{name}' is missing. It has: {', '.join(group.attrs) or 'none'}.")
-    try:
-        return kind(group.attrs[name])
-    except (TypeError, ValueError) as error:
-        raise DatasetError(f"{where}: attribute '{name}' cannot be {group.attrs[name]!r}.") from error
-
-
-def _array(group: h5py.Group, name: str, count: int, where: str) -> np.ndarray:
-    found = group.get(name)
-    if not isinstance(found, h5py.Dataset):
-        parent = group.get(name.rpartition("/")[0] or "/") if "/" in name else group
-        available = sorted(parent) if isinstance(parent, h5py.Group) else ()
-        raise DatasetError(f"{where}: '{name}' is missing. There is: {', '.join(available) or 'nothing'}.")
-    if found.shape[:1] != (count,):
-        raise DatasetError(f"{where}: num_samples is {count}, but '{name}' has shape {found.shape}.")
-    return found[()]
+    group.create_dataset(name, data=values, track_times=False, **packed)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import torch
 
 from wrenchflow.config import to_mapping
+from wrenchflow.datasets.parts import valid_parts
 from wrenchflow.datasets.split import validation_ids
 from wrenchflow.errors import CheckpointError, ConfigError, DatasetError
 from wrenchflow.observation import ACTION_WIDTH, Steps
@@ -84,11 +85,12 @@ def train_policy(
         ConfigError: If the learning rate is so high that the loss overflows.
     """
     features = Features(PRESETS[config.features])
+    steps = [part for episode in steps for part in valid_parts(episode)]
     period_ns = _require_usable(steps, features)
     if start is not None:
         require_fit(start, steps)
         _require_alike(start, config)
-    held_out = validation_ids([episode.episode_id for episode in steps], config.valid_fraction)
+    held_out = validation_ids({episode.recording_id for episode in steps}, config.valid_fraction)
     seen = [features.encode(episode.observations) for episode in steps]
     done = [encode_actions(episode.actions, episode.observations["goal_pose"]) for episode in steps]
 
@@ -100,8 +102,8 @@ def train_policy(
             horizon=config.policy.horizon,
         )
 
-    train = [i for i, episode in enumerate(steps) if episode.episode_id not in held_out]
-    valid = [i for i, episode in enumerate(steps) if episode.episode_id in held_out]
+    train = [i for i, episode in enumerate(steps) if episode.recording_id not in held_out]
+    valid = [i for i, episode in enumerate(steps) if episode.recording_id in held_out]
     with _threads(config.threads):
         windows = windows_of(train)
         with torch.random.fork_rng(devices=[]):

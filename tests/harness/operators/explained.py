@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from wrenchflow.datasets.grid import to_steps
+from wrenchflow.datasets.sample import to_steps
 from wrenchflow.episode import Episode
 from wrenchflow.policy.features import WITH_FORCE, Features, encode_actions
 from wrenchflow.process.config import ProcessConfig
