@@ -8,6 +8,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from itertools import islice
+
+# Episodes that are begun before they are wanted: a worker, and on a cluster, whose size is not known here.
+_AHEAD, _AHEAD_ELSEWHERE = 4, 256
 
 
 def _prepare_worker() -> None:
@@ -36,9 +40,9 @@ def map_episodes[T, R](
         yield from map(function, items)
     elif executor is None:
         with worker_pool(jobs) as pool:
-            yield from _in_order(_submit_all(function, items, pool))
+            yield from _in_order(function, items, pool, _AHEAD * jobs)
     else:
-        yield from _in_order(_submit_all(function, items, executor))
+        yield from _in_order(function, items, executor, _AHEAD_ELSEWHERE)
 
 
 @contextmanager
@@ -79,15 +83,20 @@ def _interrupts_held() -> Iterator[None]:
         signal.raise_signal(signal.SIGINT)
 
 
-def _submit_all[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor) -> deque[Future[R]]:
-    with _interrupts_held():
-        return deque(executor.submit(function, item) for item in items)
+def _in_order[T, R](function: Callable[[T], R], items: Iterable[T], executor: Executor, ahead: int) -> Iterator[R]:
+    """Results in the order of the items, of which only so many are begun before they are wanted.
 
-
-def _in_order[R](futures: deque[Future[R]]) -> Iterator[R]:
+    Workers that are faster than whoever takes the results would otherwise fill the memory with them.
+    """
+    waiting: deque[Future[R]] = deque()
+    left = iter(items)
     try:
-        while futures:
-            yield futures.popleft().result()
+        while True:
+            with _interrupts_held():
+                waiting.extend(executor.submit(function, item) for item in islice(left, ahead - len(waiting)))
+            if not waiting:
+                return
+            yield waiting.popleft().result()
     finally:
-        for future in futures:
+        for future in waiting:
             future.cancel()

@@ -6,7 +6,7 @@ import importlib.metadata
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ def write_manifest(
     folder: Path,
     stage: str,
     config: Any,
-    inputs: Iterable[Path] = (),
+    inputs: Iterable[Path] | Mapping[str, str] = (),
     seed: int | None = None,
     name: str = NAME,
     **found: Any,
@@ -49,14 +49,15 @@ def write_manifest(
     """Write `manifest.json`: the resolved config, versions, seed and input hashes. No wall time, no host name.
 
     A folder that several outputs share has a manifest of another `name` for each. What else a stage found out goes
-    along under its keyword.
+    along under its keyword. Inputs are files, or the hashes of files by name.
     """
+    hashes = inputs if isinstance(inputs, Mapping) else {path.name: sha256_of(path) for path in inputs}
     manifest = {
         "stage": stage,
         "config": to_mapping(config),
         "seed": seed,
         "versions": versions(),
-        "inputs": {path.name: sha256_of(path) for path in sorted(inputs)},
+        "inputs": dict(sorted(hashes.items())),
         **to_mapping(found),
     }
     write_json(folder / name, manifest)

@@ -155,10 +155,8 @@ class _Chain:
         raw, clean, dataset, n = self.out / "raw", self.out / "clean", self.out / "dataset", self.collect.episodes
         done = self.run("collect", collect_folder(raw, self.collect, **self.options), n)
         self.run("process", process_folder(raw, clean, ProcessConfig(), **self.options), n)
-        steps = 0
-        for format in ("robomimic", "lerobot"):
-            exporting = export_folder(format, clean, dataset, ExportConfig(), **self.options)
-            steps = sum(episode.steps for episode in self.run("export", exporting, n, f"export {format}"))
+        exporting = export_folder("robomimic,lerobot", clean, dataset, ExportConfig(), **self.options)
+        steps = sum(episode.steps for episode in self.run("export", exporting, n))
         return {"episodes": len(done), "samples": sum(demonstration.samples for demonstration in done), "steps": steps}
 
     def train(self) -> dict[str, list[Any]]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -21,7 +21,7 @@ from wrenchflow.datasets.sample import STREAMS, is_success, sample, topics_of
 from wrenchflow.datasets.sink import Sink
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError, DatasetError, OutputError, WrenchflowError, unknown
-from wrenchflow.manifest import write_manifest
+from wrenchflow.manifest import sha256_of, write_manifest
 from wrenchflow.observation import Steps
 from wrenchflow.recording.reader import find_recordings, read_episode, read_info
 
@@ -73,6 +73,7 @@ class _Sampled:
     """What a worker sends back of a recording."""
 
     id: str
+    sha256: str = ""
     group_delay_s: float | None = None
     parts: tuple[Steps, ...] = ()
     left_out: str = ""
@@ -125,7 +126,10 @@ def export_folder(
     with ExitStack() as stack:
         data_set = _DataSet(chosen, out, config, stack, overwrite=overwrite)
         reasons: dict[str, str] = {}
-        for sampled in map_episodes(partial(_sample, config, grid), paths, jobs=jobs, executor=executor):
+        hashes: dict[str, str] = {}
+        sampling = map_episodes(partial(_sample, config, grid), paths, jobs=jobs, executor=executor)
+        for path, sampled in zip(paths, sampling, strict=True):
+            hashes[path.name] = sampled.sha256
             if left_out := sampled.left_out or data_set.add(sampled):
                 reasons[sampled.id] = left_out
                 yield ExportedEpisode(id=sampled.id, left_out=left_out)
@@ -140,7 +144,7 @@ def export_folder(
             id, reason = next(iter(reasons.items()))
             raise DatasetError(f"none of the {len(paths)} recordings in '{clean}' can be exported; {id}: {reason}.")
     for name in chosen:
-        write_manifest(out, f"export {name}", config, paths, name=f"{name}.manifest.json")
+        write_manifest(out, f"export {name}", config, hashes, name=f"{name}.manifest.json")
 
 
 class _DataSet:
@@ -220,12 +224,14 @@ def _invalid(steps: Steps) -> int:
 
 
 def _sample(config: ExportConfig, grid: Grid, path: Path) -> _Sampled:
+    sampled = _Sampled(id=path.stem, sha256=sha256_of(path))
     try:
         episode = read_episode(path, STREAMS, messages=topics_of(grid))
+        sampled = replace(sampled, id=episode.id)
         process = episode.meta.get("process")
         group_delay_s = process.get("group_delay_s") if isinstance(process, Mapping) else None
         if config.only_success and not is_success(episode):
-            return _Sampled(id=episode.id, left_out="not a success")
-        return _Sampled(id=episode.id, group_delay_s=group_delay_s, parts=sample(episode, grid))
+            return replace(sampled, left_out="not a success")
+        return replace(sampled, group_delay_s=group_delay_s, parts=sample(episode, grid))
     except WrenchflowError as error:
-        return _Sampled(id=path.stem, left_out=str(error).removeprefix(f"episode {path.stem}: ").rstrip("."))
+        return replace(sampled, left_out=str(error).removeprefix(f"episode {path.stem}: ").rstrip("."))
