@@ -21,8 +21,8 @@ from torch.utils.data import DataLoader
 
 from wrenchflow.datasets import lerobot
 from wrenchflow.datasets.about import About
-from wrenchflow.datasets.keys import to_keys
-from wrenchflow.datasets.lerobot_layout import ACTION, ENVIRONMENT_STATE, KEYS_OF, STATE, TIME_NS, WINDOW
+from wrenchflow.datasets.keys import KEYS, to_keys
+from wrenchflow.datasets.lerobot_layout import ACTION, ENVIRONMENT_STATE, STATE, TIME_NS, WINDOW, features_of
 from wrenchflow.observation import OBSERVATIONS, Steps
 from wrenchflow.train.windows import Windows, make_windows
 
@@ -58,7 +58,9 @@ def our_windows(episodes: list[Steps]) -> Windows:
     for one in episodes:
         values = to_keys(one.observations)
         rows.append(
-            np.concatenate([values[key.name] for name in (STATE, ENVIRONMENT_STATE) for key in KEYS_OF[name]], 1)
+            np.concatenate(
+                [values[key.name] for name in (STATE, ENVIRONMENT_STATE) for key in features_of(KEYS)[name]], 1
+            )
         )
     return make_windows(rows, [one.actions for one in episodes], n_obs_steps=N_OBS_STEPS, horizon=HORIZON)
 

@@ -33,6 +33,8 @@ OBSERVATIONS: Mapping[str, tuple[int, ...]] = MappingProxyType(
         "goal_pose": (7,),  # the task's goal as perceived: held since it was last said
     }
 )
+# A data set may do without: it is most of the bytes.
+OPTIONAL = frozenset({"wrench_window"})
 ACTION_WIDTH = 9  # target position [m] and first two columns of the target's rotation, in the base frame
 
 

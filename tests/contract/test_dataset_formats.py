@@ -87,6 +87,14 @@ class TestEveryFormat:
         assert_same(load_steps(self.path), written)
         assert_same(load_steps(self.path.parent), written)
 
+    def test_the_window_may_be_left_out(self):
+        written = [
+            replace(one, observations={name: v for name, v in one.observations.items() if name != "wrench_window"})
+            for one in steps_of()
+        ]
+        self.module.write(self.path, written, ABOUT)
+        assert_same(self.read(self.path), written)
+
     def test_equal_steps_give_equal_bytes(self, tmp_path):
         other = tmp_path / "again" / self.path.name
         self.module.write(self.path, steps_of(), ABOUT)

@@ -7,10 +7,10 @@ from typing import Any
 from wrenchflow.config import from_mapping, to_mapping
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.datasets.grid import rate_of
-from wrenchflow.datasets.keys import KEYS, SKEW_RULE, VALID_RULE
+from wrenchflow.datasets.keys import KEYS, SKEW_RULE, VALID_RULE, Key, keys_of
 from wrenchflow.errors import ConfigError, DatasetError
 from wrenchflow.force_filter import FilterConfig
-from wrenchflow.observation import Steps
+from wrenchflow.observation import OBSERVATIONS, OPTIONAL, Steps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +44,25 @@ class About:
             "wrench_stage": self.wrench_stage,
             "wrench_group_delay_s": self.wrench_group_delay_s,
             "wrench_filter": to_mapping(first.wrench_filter),
-            "observations": {key.name: key.described(self.wrench_group_delay_s) for key in KEYS},
+            "observations": {key.name: key.described(self.wrench_group_delay_s) for key in keys_of(first.observations)},
             "sync": {"streams": list(first.skew_ns), "skew_rule": SKEW_RULE, "valid_rule": VALID_RULE},
         }
+
+
+def keys_said(described: Mapping[str, Any], where: str) -> tuple[Key, ...]:
+    """The keys that a data set says it has.
+
+    Raises:
+        DatasetError: If there is one that is not known.
+    """
+    there = set(described.get("observations", ()))
+    found = tuple(key for key in KEYS if key.name in there)
+    if len(found) != len(there) or not set(OBSERVATIONS) - OPTIONAL <= {key.observation for key in found}:
+        raise DatasetError(
+            f"{where} says that it has {', '.join(sorted(there)) or 'no observations'}, expected "
+            f"{', '.join(key.name for key in KEYS)}."
+        )
+    return found
 
 
 def filter_said(described: Mapping[str, Any], where: str) -> FilterConfig:

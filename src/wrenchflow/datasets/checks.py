@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from wrenchflow.errors import DatasetError
-from wrenchflow.observation import ACTION_WIDTH, OBSERVATIONS, Steps
+from wrenchflow.observation import ACTION_WIDTH, OBSERVATIONS, OPTIONAL, Steps
 
 
 class Admission:
@@ -39,6 +39,8 @@ class Admission:
                     f"episode {one.episode_id} has {what} {got}, expected {expected} as in episode {first.episode_id}."
                 )
         for name, shape in OBSERVATIONS.items():
+            if name in OPTIONAL and name not in first.observations:
+                continue
             if name not in one.observations:
                 raise DatasetError(
                     f"episode {one.episode_id} has no observation '{name}'. It has: {', '.join(one.observations)}."

@@ -19,6 +19,7 @@ class ExportConfig:
         gaps: What becomes of steps without the samples that they need: they divide the episode (`split`), they are kept
             with the values before and marked as not valid (`mark`), or the episode is left out (`refuse`).
         cameras: Cameras whose pictures go along; all that the first episode has where it is not said.
+        force_window: Write the last 50 samples of the wrench of each step, which are most of a data set's bytes.
         image_px: Width and height of pictures in files of arrays; videos keep the camera's own.
         valid_fraction: Share of the recordings that is named for validation.
         only_success: Leave out attempts that do not say that they succeeded.
@@ -30,6 +31,7 @@ class ExportConfig:
     grid: str = "rate"
     gaps: Literal["split", "mark", "refuse"] = "split"
     cameras: tuple[str, ...] | None = None
+    force_window: bool = True
     image_px: int = 84
     valid_fraction: float = 0.1
     only_success: bool = True

@@ -22,7 +22,7 @@ from wrenchflow.datasets.sink import Sink
 from wrenchflow.episodes_map import map_episodes
 from wrenchflow.errors import ConfigError, DatasetError, OutputError, WrenchflowError, unknown
 from wrenchflow.manifest import sha256_of, write_manifest
-from wrenchflow.observation import Steps
+from wrenchflow.observation import OBSERVATIONS, OPTIONAL, Steps
 from wrenchflow.recording.reader import find_recordings, read_episode, read_info
 
 
@@ -207,6 +207,7 @@ def _grid(config: ExportConfig, paths: Sequence[Path]) -> Grid:
         rate_hz=config.rate,
         camera="" if config.grid == "rate" else config.grid,
         cameras=cameras,
+        observations=tuple(name for name in OBSERVATIONS if config.force_window or name not in OPTIONAL),
         gaps=config.gaps,
     )
 

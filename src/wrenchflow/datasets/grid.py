@@ -9,6 +9,7 @@ from jaxtyping import Int64
 
 from wrenchflow.clock import SECOND_NS
 from wrenchflow.errors import ConfigError
+from wrenchflow.observation import OBSERVATIONS
 
 DEFAULT_RATE_HZ = Fraction(20)
 
@@ -23,6 +24,7 @@ class Grid:
         rate_hz: Steps a second; with a camera, what its pictures are nominally taken at.
         camera: The camera whose pictures are the steps; empty for steps at `rate_hz`.
         cameras: Cameras whose pictures go along.
+        observations: Which of `observation.OBSERVATIONS` are sampled.
         gaps: What becomes of steps without the samples that they need: they divide the episode (`split`), they are kept
             with the values before and marked as not valid (`mark`), or the episode is refused (`refuse`).
     """
@@ -30,6 +32,7 @@ class Grid:
     rate_hz: Fraction = DEFAULT_RATE_HZ
     camera: str = ""
     cameras: tuple[str, ...] = ()
+    observations: tuple[str, ...] = tuple(OBSERVATIONS)
     gaps: Gaps = "split"
 
     def __post_init__(self) -> None:

@@ -1,6 +1,6 @@
 """The names that peers know observations by, and how our columns map onto them and back, bit for bit."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -144,15 +144,24 @@ VALID_RULE = (
 )
 
 
+def keys_of(observations: Iterable[str]) -> tuple[Key, ...]:
+    """Those of `KEYS` that some observations make."""
+    there = set(observations)
+    return tuple(key for key in KEYS if key.observation in there)
+
+
 def to_keys(observations: Mapping[str, Float32[np.ndarray, "T ..."]]) -> dict[str, Float32[np.ndarray, "T ..."]]:
     """Observations under the names, and in the column order, of `KEYS`."""
-    return {key.name: np.ascontiguousarray(observations[key.observation][..., key.take]) for key in KEYS}
+    return {
+        key.name: np.ascontiguousarray(observations[key.observation][..., key.take]) for key in keys_of(observations)
+    }
 
 
 def from_keys(values: Mapping[str, Float32[np.ndarray, "T ..."]]) -> dict[str, Float32[np.ndarray, "T ..."]]:
     """The observations that `to_keys` made the values from."""
     length = len(values[KEYS[0].name])
-    made = {name: np.empty((length, *shape), np.float32) for name, shape in OBSERVATIONS.items()}
-    for key in KEYS:
+    there = {key.observation for key in KEYS if key.name in values}
+    made = {name: np.empty((length, *shape), np.float32) for name, shape in OBSERVATIONS.items() if name in there}
+    for key in keys_of(there):
         made[key.observation][..., key.take] = values[key.name]
     return made

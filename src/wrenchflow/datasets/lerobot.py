@@ -108,7 +108,7 @@ class LeRobotSink:
         info = layout.info(first, self._rate_hz, **totals, videos={})
         (self._folder / layout.INFO).write_text(json.dumps(info, indent=4) + "\n")
         masks = masks_of(self._members, self._about)
-        write_json(self._folder / layout.OURS, layout.ours(self._about.described(first), masks))
+        write_json(self._folder / layout.OURS, layout.ours(first, self._about.described(first), masks))
 
     def _again(self, feature: str):
         def blocks() -> Iterator[np.ndarray]:

@@ -1,15 +1,15 @@
 """What a LeRobotDataset v3.0 folder is made of: paths, features, and the small files under `meta/`."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchflow.datasets import increments
-from wrenchflow.datasets.keys import ACTION_COLUMNS, ACTION_RULE, ACTION_UNITS, KEYS, Key, to_keys
-from wrenchflow.observation import ACTION_WIDTH, WINDOW_LENGTH, Steps
+from wrenchflow.datasets.keys import ACTION_COLUMNS, ACTION_RULE, ACTION_UNITS, Key, keys_of, to_keys
+from wrenchflow.observation import ACTION_WIDTH, Steps
 
 FORMAT_VERSION = 2
 CODEBASE_VERSION = "v3.0"
@@ -39,9 +39,12 @@ def _feature_of(key: Key) -> str:
     return WINDOW if key.observation == "wrench_window" else STATE
 
 
-KEYS_OF = {
-    feature: tuple(key for key in KEYS if _feature_of(key) == feature) for feature in (STATE, ENVIRONMENT_STATE, WINDOW)
-}
+def features_of(keys: Iterable[Key]) -> dict[str, tuple[Key, ...]]:
+    """The features that carry observations, and the keys that make up each."""
+    found: dict[str, tuple[Key, ...]] = {}
+    for key in keys:
+        found[_feature_of(key)] = (*found.get(_feature_of(key), ()), key)
+    return found
 
 
 def place(file_number: int) -> dict[str, int]:
@@ -73,7 +76,10 @@ def columns(steps: Steps, first: int, episode: int, task: int, rate_hz: int) -> 
     frame = np.arange(len(steps), dtype=np.int64)
     sync = {SKEW_NS: steps.skew_ns, VALID: steps.valid} if steps.skew_ns else {}
     return {
-        **{feature: np.concatenate([values[key.name] for key in keys], axis=-1) for feature, keys in KEYS_OF.items()},
+        **{
+            feature: np.concatenate([values[key.name] for key in keys], axis=-1)
+            for feature, keys in features_of(keys_of(steps.observations)).items()
+        },
         TIME_NS: steps.t,
         ACTION: steps.actions,
         INCREMENT: increments.increments(steps.observations["tcp_pose"], steps.actions),
@@ -112,15 +118,13 @@ def info(
         tasks: How many different tasks.
         videos: What is known of each camera's video, by feature.
     """
-    features: dict[str, Any] = {
-        feature: _feature("float32", sum(len(key.take) for key in KEYS_OF[feature]), _names(feature))
-        for feature in (STATE, ENVIRONMENT_STATE)
-    }
-    features[WINDOW] = {
-        "dtype": "float32",
-        "shape": [WINDOW_LENGTH, len(KEYS_OF[WINDOW][0].take)],
-        "names": ["sample", "component"],
-    }
+    features: dict[str, Any] = {}
+    for feature, keys in features_of(keys_of(first.observations)).items():
+        width, *lengths = sum(len(key.take) for key in keys), *keys[0].shape[:-1]
+        names = [f"{key.name}.{column}" for key in keys for column in key.columns]
+        features[feature] = _feature("float32", width, names)
+        if lengths:
+            features[feature] |= {"shape": [*lengths, width], "names": ["sample", "component"]}
     features |= videos
     features[TIME_NS] = _feature("int64", 1, None)
     features[ACTION] = _feature("float32", ACTION_WIDTH, list(ACTION_COLUMNS))
@@ -151,16 +155,13 @@ def _feature(dtype: str, width: int, names: list[str] | None) -> dict[str, Any]:
     return {"dtype": dtype, "shape": [width], "names": names}
 
 
-def _names(feature: str) -> list[str]:
-    return [f"{key.name}.{column}" for key in KEYS_OF[feature] for column in key.columns]
-
-
-def ours(described: Mapping[str, Any], masks: Mapping[str, Sequence[int]]) -> dict[str, Any]:
+def ours(first: Steps, described: Mapping[str, Any], masks: Mapping[str, Sequence[int]]) -> dict[str, Any]:
     """`meta/wrenchflow.json`: what LeRobot has no place for; ids and the like are in a table beside it."""
+    features = features_of(keys_of(first.observations))
     return {
         "format": FORMAT_VERSION,
         **described,
-        "units": {feature: [unit for key in keys for unit in key.units] for feature, keys in KEYS_OF.items()}
+        "units": {feature: [unit for key in keys for unit in key.units] for feature, keys in features.items()}
         | {ACTION: list(ACTION_UNITS), INCREMENT: list(increments.UNITS)},
         "action_rule": ACTION_RULE,
         "increment_rule": increments.RULE,

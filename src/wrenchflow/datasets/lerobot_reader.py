@@ -9,10 +9,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchflow.datasets import lerobot_layout as layout
-from wrenchflow.datasets.about import filter_said
+from wrenchflow.datasets.about import filter_said, keys_said
 from wrenchflow.datasets.arrow import values_of
 from wrenchflow.datasets.checks import require_values
-from wrenchflow.datasets.keys import from_keys
+from wrenchflow.datasets.keys import Key, from_keys
 from wrenchflow.errors import ConfigError, DatasetError, RecordingError
 from wrenchflow.force_filter import FilterConfig
 from wrenchflow.manifest import read_json
@@ -44,7 +44,12 @@ def read(folder: Path) -> list[Steps]:
         told = pq.read_table(folder / layout.OUR_EPISODES).to_pylist()
         if len(told) != len(episodes):
             raise DatasetError(f"{where} has {len(episodes)} episodes, but {layout.OUR_EPISODES} names {len(told)}.")
-        rows = _Rows(int(ours["period_ns"]), tuple(ours["sync"]["streams"]), filter_said(ours, where))
+        rows = _Rows(
+            int(ours["period_ns"]),
+            layout.features_of(keys_said(ours, where)),
+            tuple(ours["sync"]["streams"]),
+            filter_said(ours, where),
+        )
         return [
             rows.steps(table, said, f"{where}: episode {said['episode_id']}")
             for table, said in zip(_tables(folder, episodes), told, strict=True)
@@ -72,15 +77,17 @@ def _tables(folder: Path, episodes: Sequence[Mapping[str, Any]]) -> list[pa.Tabl
 class _Rows:
     """Makes steps of the rows of one folder, of which this much is known."""
 
-    def __init__(self, period_ns: int, streams: tuple[str, ...], felt: FilterConfig) -> None:
-        self._period_ns, self._streams, self._felt = period_ns, streams, felt
+    def __init__(
+        self, period_ns: int, features: Mapping[str, tuple[Key, ...]], streams: tuple[str, ...], felt: FilterConfig
+    ) -> None:
+        self._period_ns, self._features, self._streams, self._felt = period_ns, features, streams, felt
 
     def steps(self, table: pa.Table, said: Mapping[str, Any], where: str) -> Steps:
         t = table[layout.TIME_NS].to_numpy()
         if t.dtype != np.int64 or (np.diff(t) <= 0).any():
             raise DatasetError(f"{where}: {layout.TIME_NS} has to be int64 and to increase.")
         values: dict[str, np.ndarray] = {}
-        for feature, keys in layout.KEYS_OF.items():
+        for feature, keys in self._features.items():
             width = sum(len(key.take) for key in keys)
             found = _numbers(table, feature, (len(t), *keys[0].shape[:-1], width), where)
             stops = np.cumsum([len(key.take) for key in keys])

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float32
 
 from wrenchflow.datasets import increments
-from wrenchflow.datasets.about import filter_said
+from wrenchflow.datasets.about import filter_said, keys_said
 from wrenchflow.datasets.checks import require_values
-from wrenchflow.datasets.keys import KEYS, from_keys
+from wrenchflow.datasets.keys import Key, from_keys
 from wrenchflow.datasets.robomimic import FORMAT_VERSION
 from wrenchflow.errors import DatasetError
 from wrenchflow.force_filter import FilterConfig
@@ -57,7 +57,8 @@ def _read_all(file: h5py.File, path: Path) -> list[Steps]:
         if not (name.startswith("demo_") and name.removeprefix("demo_").isdecimal()):
             raise DatasetError(f"{where}: /data holds '{name}', expected names of the form demo_0.")
     names.sort(key=lambda name: int(name.removeprefix("demo_")))
-    demos = _Demos(period_ns, scale, _streams(data, where), filter_said(_attribute(data, "about", _json, where), where))
+    about = _attribute(data, "about", _json, where)
+    demos = _Demos(period_ns, scale, keys_said(about, where), _streams(data, where), filter_said(about, where))
     steps = [demos.read(data[name], f"{where}: {name}") for name in names]
     if not steps:
         raise DatasetError(f"{where} holds no episode.")
@@ -76,9 +77,14 @@ class _Demos:
     """Reads the demos of one file, of which this much is known."""
 
     def __init__(
-        self, period_ns: int, scale: Float32[np.ndarray, " 6"], streams: tuple[str, ...], felt: FilterConfig
+        self,
+        period_ns: int,
+        scale: Float32[np.ndarray, " 6"],
+        keys: tuple[Key, ...],
+        streams: tuple[str, ...],
+        felt: FilterConfig,
     ) -> None:
-        self._period_ns, self._scale, self._streams, self._felt = period_ns, scale, streams, felt
+        self._period_ns, self._scale, self._keys, self._streams, self._felt = period_ns, scale, keys, streams, felt
 
     def read(self, demo: object, where: str) -> Steps:
         if not isinstance(demo, h5py.Group):
@@ -91,7 +97,7 @@ class _Demos:
             raise DatasetError(f"{where}: t_ns has to be int64 and to increase.")
         values: dict[str, np.ndarray] = {}
         for group in ("next_obs", "obs") if "next_obs" in demo else ("obs",):
-            for key in KEYS:
+            for key in self._keys:
                 values[key.name] = _array(demo, f"{group}/{key.name}", count, where)
                 require_values(values[key.name], (count, *key.shape), f"{where}: {group}/{key.name}")
         observations = from_keys(values)

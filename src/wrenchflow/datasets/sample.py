@@ -15,7 +15,7 @@ from wrenchflow.episode import Episode
 from wrenchflow.errors import ConfigError, DatasetError
 from wrenchflow.force_filter import FilterConfig
 from wrenchflow.messages import Messages
-from wrenchflow.observation import OBSERVATIONS, RULES, Steps, actions, observe
+from wrenchflow.observation import RULES, Steps, actions, observe
 from wrenchflow.process.contact import runs_of
 from wrenchflow.sampling import age_ns, crosses_gap
 
@@ -143,7 +143,7 @@ def _look(episode: Episode, grid: Grid) -> _Looked:
             f"{grid.period_ns * 1e-9:g} s or more."
         )
     t, t_next = t[:-1], t[1:]
-    valid = {name: ~crosses_gap(episode[name], t, _REACH_NS[name]) for name in SAMPLED}
+    valid = {name: ~crosses_gap(episode[name], t, _reach_ns(name, grid)) for name in SAMPLED}
     valid["target_pose"] = ~crosses_gap(episode["target_pose"], t_next, 0)
     skew_ns = {name: age_ns(episode[name].t, t) for name in SAMPLED}
     for camera, messages in cameras.items():
@@ -158,6 +158,11 @@ def _look(episode: Episode, grid: Grid) -> _Looked:
         skew_ns=skew_ns,
         cameras={name: cameras[name] for name in grid.cameras},
     )
+
+
+def _reach_ns(stream: str, grid: Grid) -> int:
+    """How far back the observations of a stream look [ns]."""
+    return max((RULES[name].reach_ns for name in grid.observations if RULES[name].stream == stream), default=0)
 
 
 def _parts(looked: _Looked, grid: Grid) -> list[slice]:
@@ -184,7 +189,7 @@ def _steps(episode: Episode, grid: Grid, looked: _Looked, part: slice, name: str
         episode_id=name,
         t=t,
         period_ns=grid.period_ns,
-        observations={observation: observed(observation) for observation in OBSERVATIONS},
+        observations={observation: observed(observation) for observation in grid.observations},
         actions=_held(
             rows.get("target_pose", everything),
             lambda some: actions(episode.streams, t[some], looked.t_next[part][some]),
