@@ -39,9 +39,9 @@ def test_ranks_of_integers_are_exact(values, cuts):
 @given(values=floats, cuts=st.integers(1, 5))
 def test_running_statistics_are_those_of_all_values_at_once(values, cuts):
     blocks = parts_of(values, cuts)
-    running = Running(blocks()[0])
+    running = Running()
     for part in blocks():
-        running.add(part)
+        running.add(part, summarise(part))
     found, expected = running.result(blocks), summarise(values)
     assert list(found) == list(expected)
     spread = np.abs(values.astype(np.float64) - values[0]).max() + 1e-30
@@ -53,8 +53,8 @@ def test_running_statistics_are_those_of_all_values_at_once(values, cuts):
 def test_stamps_and_truths_are_counted_too():
     stamps = 1_700_000_000_000_000_007 + np.arange(1000, dtype=np.int64) * 50_000_000
     for values in (stamps, np.arange(1000) % 7 > 2, np.arange(6000, dtype=np.float32).reshape(1000, 3, 2)):
-        running = Running(values)
-        running.add(values)
+        running = Running()
+        running.add(values, summarise(values))
         found, expected = running.result(lambda values=values: [values]), summarise(values)
         for name in expected:
             np.testing.assert_allclose(

@@ -20,12 +20,14 @@ from wrenchflow.datasets.arrow import array_of, values_of
 from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.grid import rate_of
 from wrenchflow.datasets.masks import Member, masks_of
+from wrenchflow.datasets.quantiles import Blocks
 from wrenchflow.datasets.running import Running
 from wrenchflow.datasets.summary import summarise
 from wrenchflow.errors import DatasetError, OutputError
 from wrenchflow.manifest import output_folder, write_json
 from wrenchflow.observation import Steps
 
+_KEPT_BYTES = 64 * 2**20
 _ROWS = 100  # Episodes whose rows of the table of episodes are held until they are written.
 
 
@@ -70,6 +72,7 @@ class LeRobotSink:
         self._members: list[Member] = []
         self._tasks: list[str] = []
         self._running: dict[str, Running] = {}
+        self._kept = _Kept()
         self._data = _Files(folder, open_files)
         self._episodes = _Rows(folder / layout.EPISODES, open_files)
         self._ours = _Rows(folder / layout.OUR_EPISODES, open_files)
@@ -83,12 +86,12 @@ class LeRobotSink:
             self._tasks.append(steps.task)
         number = len(self._members)
         columns = layout.columns(steps, self._steps, number, self._tasks.index(steps.task), self._rate_hz)
-        if not self._running:
-            self._running = {feature: Running(values) for feature, values in columns.items()}
+        statistics = {feature: summarise(values) for feature, values in columns.items()}
         for feature, values in columns.items():
-            self._running[feature].add(values)
+            self._running.setdefault(feature, Running()).add(values, statistics[feature])
+        self._kept.add(columns)
         file_number = self._data.write(pa.table({name: array_of(values) for name, values in columns.items()}))
-        self._episodes.add(_episode_row(columns, number, file_number, steps.task))
+        self._episodes.add(_episode_row(columns, statistics, number, file_number, steps.task))
         told = ("episode_id", "recording_id", "task", "operator", "success")
         self._ours.add({"episode_index": number, **{name: getattr(steps, name) for name in told}})
         self._members.append(Member.of(steps))
@@ -110,7 +113,11 @@ class LeRobotSink:
         masks = masks_of(self._members, self._about)
         write_json(self._folder / layout.OURS, layout.ours(first, self._about.described(first), masks))
 
-    def _again(self, feature: str):
+    def _again(self, feature: str) -> Blocks:
+        """The values of a feature, from memory while they are few, or else from the files."""
+        if self._kept.has_all:
+            return lambda: self._kept.of(feature)
+
         def blocks() -> Iterator[np.ndarray]:
             for path in self._data.paths:
                 with pq.ParquetFile(path) as file:
@@ -139,12 +146,33 @@ def frames_per_second(steps: Steps) -> int:
     return int(rate_hz)
 
 
+class _Kept:
+    """The last look at all values is at those that are still in memory, where they all are."""
+
+    def __init__(self) -> None:
+        self._columns: list[Mapping[str, np.ndarray]] = []
+        self._bytes = 0
+
+    @property
+    def has_all(self) -> bool:
+        """Whether nothing had to go."""
+        return self._bytes <= _KEPT_BYTES
+
+    def add(self, columns: Mapping[str, np.ndarray]) -> None:
+        self._bytes += sum(values.nbytes for values in columns.values())
+        self._columns = [*self._columns, columns] if self.has_all else []
+
+    def of(self, feature: str) -> list[np.ndarray]:
+        return [columns[feature] for columns in self._columns]
+
+
 class _Table:
     """A Parquet file that is written in parts."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._writer = pq.ParquetWriter(path, schema, compression="zstd")
+        # Sensor values hardly repeat: a dictionary of them takes time, and saves nothing.
+        self._writer = pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=False, write_statistics=False)
 
     def write(self, table: pa.Table) -> None:
         self._writer.write_table(table, row_group_size=len(table))
@@ -206,7 +234,13 @@ class _Rows:
         self._held.clear()
 
 
-def _episode_row(columns: Mapping[str, np.ndarray], episode: int, file_number: int, task: str) -> dict[str, Any]:
+def _episode_row(
+    columns: Mapping[str, np.ndarray],
+    statistics: Mapping[str, Mapping[str, np.ndarray]],
+    episode: int,
+    file_number: int,
+    task: str,
+) -> dict[str, Any]:
     index = columns["index"]
     return {
         "episode_index": episode,
@@ -216,9 +250,7 @@ def _episode_row(columns: Mapping[str, np.ndarray], episode: int, file_number: i
         "dataset_from_index": int(index[0]),
         "dataset_to_index": int(index[-1]) + 1,
         **{
-            f"stats/{feature}/{name}": value
-            for feature, values in columns.items()
-            for name, value in _plain(summarise(values)).items()
+            f"stats/{feature}/{name}": value for feature, of in statistics.items() for name, value in _plain(of).items()
         },
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,

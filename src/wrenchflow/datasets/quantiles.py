@@ -6,6 +6,7 @@ the numbers at all ranks are known, in memory that does not depend on how many t
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int64
@@ -16,6 +17,41 @@ _BITS = 12
 
 # What is read again for every pass: rows by columns, float32 or of any integer type.
 Blocks = Callable[[], Iterable[np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Ranks:
+    """Where quantiles lie in sorted rows, and how they follow from the numbers there.
+
+    Attributes:
+        rows: Ranks that are needed, sorted. Shape (r,).
+        below: Of each quantile, which of them is the next below. Shape (q,).
+        above: And the next above. Shape (q,).
+        weight: Of the one above. Shape (q,).
+    """
+
+    rows: Int64[np.ndarray, " r"]
+    below: Int64[np.ndarray, " q"]
+    above: Int64[np.ndarray, " q"]
+    weight: Float[np.ndarray, " q"]
+
+    @classmethod
+    def of(cls, count: int, fractions: Sequence[float]) -> "Ranks":
+        """Those of quantiles of `count` rows."""
+        position = np.asarray(fractions, np.float64) * (count - 1)
+        below = np.floor(position).astype(np.int64)
+        above = np.minimum(below + 1, count - 1)
+        rows = np.unique(np.concatenate([below, above]))
+        return cls(rows, np.searchsorted(rows, below), np.searchsorted(rows, above), position - below)
+
+    def quantiles(self, numbers: np.ndarray) -> Float[np.ndarray, "q d"]:
+        """Quantiles from the numbers at the ranks. Shape (r, d)."""
+        # Stamps are too large for float64, but the differences between two of them are not.
+        is_float = np.issubdtype(numbers.dtype, np.floating)
+        offset = np.zeros(numbers.shape[1]) if is_float else numbers[0].astype(np.int64)
+        apart = (numbers - offset).astype(np.float64)
+        low, high = apart[self.below], apart[self.above]
+        return low + self.weight[:, None] * (high - low) + offset
 
 
 def quantiles_of(
@@ -30,17 +66,8 @@ def quantiles_of(
         count: Rows in all, one at least.
         fractions: Which quantiles, from 0 to 1.
     """
-    position = np.asarray(fractions, np.float64) * (count - 1)
-    below = np.floor(position).astype(np.int64)
-    ranks = np.unique(np.concatenate([below, np.minimum(below + 1, count - 1)]))
-    found = _numbers_at(blocks, _keys(lowest), _keys(highest), ranks)
-    values = _values(found, lowest.dtype)
-    low = values[np.searchsorted(ranks, below)]
-    high = values[np.searchsorted(ranks, np.minimum(below + 1, count - 1))]
-    # Stamps are too large for float64, but the differences between two of them are not.
-    offset = np.zeros_like(lowest) if np.issubdtype(lowest.dtype, np.floating) else lowest.astype(np.int64)
-    low, high = (low - offset).astype(np.float64), (high - offset).astype(np.float64)
-    return low + (position - below)[:, None] * (high - low) + offset
+    ranks = Ranks.of(count, fractions)
+    return ranks.quantiles(_values(_numbers_at(blocks, _keys(lowest), _keys(highest), ranks.rows), lowest.dtype))
 
 
 def _numbers_at(
@@ -81,7 +108,6 @@ def _count(numbers, is_float, lowest, prefix, bits, shift, mask, counts):
                 key = -(key & 0x7FFFFFFF)
             key -= lowest[j]
             head = key >> bits
-            # Most numbers lie between those that are sought: one look at the least prefix that is not below is enough.
             k = 0
             while k < sought and prefix[j, k] < head:
                 k += 1

@@ -1,6 +1,6 @@
 """LeRobot's ten statistics of a feature, of episodes that come one after the other and are not kept."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -11,24 +11,30 @@ from wrenchflow.datasets.summary import QUANTILES, rows_of
 class Running:
     """Least, greatest, mean and deviation so far; quantiles need another look at all, which `result` takes."""
 
-    def __init__(self, values: np.ndarray) -> None:
-        rows = rows_of(values)
-        # Sums are of differences from the first value: stamps are too large for float64, and squares cancel.
-        self._origin = rows[0]
-        self._lowest, self._highest = rows[0].copy(), rows[0].copy()
-        self._sum, self._squares = np.zeros(rows.shape[1]), np.zeros(rows.shape[1])
+    def __init__(self) -> None:
+        self._lowest = self._highest = self._origin = np.zeros(0)
         self._rows = self._steps = 0
+        self._sum = self._squares = np.zeros(0)
 
-    def add(self, values: np.ndarray) -> None:
-        """Take in one value a step. Shape (T,), (T, d) or (T, n, d)."""
-        rows = rows_of(values)
-        self._lowest = np.minimum(self._lowest, rows.min(axis=0))
-        self._highest = np.maximum(self._highest, rows.max(axis=0))
-        wide = np.int64 if self._origin.dtype.kind in "bi" else np.float64
-        apart = (rows.astype(wide) - self._origin.astype(wide)).astype(np.float64)
-        self._sum += apart.sum(axis=0)
-        self._squares += (apart * apart).sum(axis=0)
-        self._rows += len(rows)
+    def add(self, values: np.ndarray, summary: Mapping[str, np.ndarray]) -> None:
+        """Take in an episode.
+
+        Args:
+            values: One value a step. Shape (T,), (T, d) or (T, n, d).
+            summary: What `summary.summarise` says of them.
+        """
+        rows = len(rows_of(values))
+        if not self._rows:
+            self._lowest, self._highest = summary["min"], summary["max"]
+            self._origin = summary["mean"]
+            self._sum, self._squares = np.zeros_like(self._origin), np.zeros_like(self._origin)
+        self._lowest = np.minimum(self._lowest, summary["min"])
+        self._highest = np.maximum(self._highest, summary["max"])
+        # Differences from the first mean: sums of stamps would be too large, and squares of far numbers cancel.
+        apart = summary["mean"] - self._origin
+        self._sum += rows * apart
+        self._squares += rows * (summary["std"] ** 2 + apart**2)
+        self._rows += rows
         self._steps += len(values)
 
     def result(self, again: Blocks) -> dict[str, np.ndarray]:

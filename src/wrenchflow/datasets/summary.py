@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from wrenchflow.datasets.quantiles import Ranks
+
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
 
@@ -20,17 +22,24 @@ def summarise(values: np.ndarray) -> dict[str, np.ndarray]:
         `min max mean std q01 q10 q50 q90 q99` of shape (d,), and `count` (1,), the number of steps. `min` and `max`
         keep the kind of number that came in; `std` is that of the population.
     """
-    rows = rows_of(values)
-    lowest, highest = rows.min(axis=0), rows.max(axis=0)
+    # Along contiguous columns numpy is several times as fast as across them.
+    columns = np.ascontiguousarray(rows_of(values).T)
+    count = columns.shape[1]
+    ranks = Ranks.of(count, list(QUANTILES.values()))
+    sought = np.unique([0, *ranks.rows, count - 1])
+    parted = np.partition(columns, sought, axis=1)
     # Stamps are too large for float64, but the time since the first of them is not.
-    offset = np.zeros_like(lowest) if np.issubdtype(rows.dtype, np.floating) else lowest.astype(np.int64)
-    shifted = (rows - offset).astype(np.float64)
-    quantiles = np.quantile(shifted, list(QUANTILES.values()), axis=0)
+    offset = (
+        np.zeros((len(columns), 1)) if np.issubdtype(columns.dtype, np.floating) else parted[:, :1].astype(np.int64)
+    )
+    shifted = (columns - offset).astype(np.float64)
+    mean = shifted.mean(axis=1)
+    shifted -= mean[:, None]
     return {
-        "min": lowest,
-        "max": highest,
-        "mean": shifted.mean(axis=0) + offset,
-        "std": shifted.std(axis=0),
+        "min": parted[:, 0],
+        "max": parted[:, -1],
+        "mean": mean + offset[:, 0],
+        "std": np.sqrt(np.einsum("ij,ij->i", shifted, shifted) / count),
         "count": np.array([len(values)], np.int64),
-        **{name: row + offset for name, row in zip(QUANTILES, quantiles, strict=True)},
+        **dict(zip(QUANTILES, ranks.quantiles(parted[:, ranks.rows].T), strict=True)),
     }
