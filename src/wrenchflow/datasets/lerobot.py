@@ -20,14 +20,14 @@ from wrenchflow.datasets.arrow import array_of, values_of
 from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.grid import rate_of
 from wrenchflow.datasets.masks import Member, masks_of
-from wrenchflow.datasets.quantiles import Blocks
 from wrenchflow.datasets.running import Running
 from wrenchflow.datasets.summary import summarise
 from wrenchflow.errors import DatasetError, OutputError
 from wrenchflow.manifest import output_folder, write_json
 from wrenchflow.observation import Steps
 
-_KEPT_BYTES = 64 * 2**20
+_BATCH = 4096  # Rows that are read at once.
+_KEPT_BYTES = 32 * 2**20
 _ROWS = 100  # Episodes whose rows of the table of episodes are held until they are written.
 
 
@@ -105,7 +105,7 @@ class LeRobotSink:
         self._open.close()
         meta = self._folder / "meta"
         pq.write_table(layout.tasks_table(self._tasks), meta / "tasks.parquet")
-        statistics = {feature: running.result(self._again(feature)) for feature, running in self._running.items()}
+        statistics = {feature: self._statistics(feature) for feature in self._running}
         write_json(meta / "stats.json", {feature: _plain(of) for feature, of in statistics.items()})
         totals = {"episodes": len(self._members), "steps": self._steps, "tasks": len(self._tasks)}
         info = layout.info(first, self._rate_hz, **totals, videos={})
@@ -113,18 +113,19 @@ class LeRobotSink:
         masks = masks_of(self._members, self._about)
         write_json(self._folder / layout.OURS, layout.ours(first, self._about.described(first), masks))
 
-    def _again(self, feature: str) -> Blocks:
-        """The values of a feature, from memory while they are few, or else from the files."""
+    def _statistics(self, feature: str) -> dict[str, np.ndarray]:
+        """Those of all values of a feature, which are in memory while they are few, and in the files."""
         if self._kept.has_all:
-            return lambda: self._kept.of(feature)
+            return summarise(np.concatenate(self._kept.of(feature)))
 
         def blocks() -> Iterator[np.ndarray]:
             for path in self._data.paths:
-                with pq.ParquetFile(path) as file:
-                    for batch in file.iter_batches(columns=[feature]):
+                # Read ahead, Arrow would hold the whole column.
+                with pq.ParquetFile(path, pre_buffer=False) as file:
+                    for batch in file.iter_batches(batch_size=_BATCH, columns=[feature]):
                         yield values_of(batch.column(0))
 
-        return blocks
+        return self._running[feature].result(blocks)
 
 
 def frames_per_second(steps: Steps) -> int:
@@ -147,7 +148,7 @@ def frames_per_second(steps: Steps) -> int:
 
 
 class _Kept:
-    """The last look at all values is at those that are still in memory, where they all are."""
+    """All values, as long as they are few."""
 
     def __init__(self) -> None:
         self._columns: list[Mapping[str, np.ndarray]] = []

@@ -7,6 +7,7 @@ the numbers at all ranks are known, in memory that does not depend on how many t
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int64
@@ -35,14 +36,15 @@ class Ranks:
     above: Int64[np.ndarray, " q"]
     weight: Float[np.ndarray, " q"]
 
-    @classmethod
-    def of(cls, count: int, fractions: Sequence[float]) -> "Ranks":
+    @staticmethod
+    @lru_cache(256)
+    def of(count: int, fractions: tuple[float, ...]) -> "Ranks":
         """Those of quantiles of `count` rows."""
         position = np.asarray(fractions, np.float64) * (count - 1)
         below = np.floor(position).astype(np.int64)
         above = np.minimum(below + 1, count - 1)
         rows = np.unique(np.concatenate([below, above]))
-        return cls(rows, np.searchsorted(rows, below), np.searchsorted(rows, above), position - below)
+        return Ranks(rows, np.searchsorted(rows, below), np.searchsorted(rows, above), position - below)
 
     def quantiles(self, numbers: np.ndarray) -> Float[np.ndarray, "q d"]:
         """Quantiles from the numbers at the ranks. Shape (r, d)."""
@@ -66,7 +68,7 @@ def quantiles_of(
         count: Rows in all, one at least.
         fractions: Which quantiles, from 0 to 1.
     """
-    ranks = Ranks.of(count, fractions)
+    ranks = Ranks.of(count, tuple(fractions))
     return ranks.quantiles(_values(_numbers_at(blocks, _keys(lowest), _keys(highest), ranks.rows), lowest.dtype))
 
 

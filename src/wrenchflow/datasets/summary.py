@@ -25,7 +25,7 @@ def summarise(values: np.ndarray) -> dict[str, np.ndarray]:
     # Along contiguous columns numpy is several times as fast as across them.
     columns = np.ascontiguousarray(rows_of(values).T)
     count = columns.shape[1]
-    ranks = Ranks.of(count, list(QUANTILES.values()))
+    ranks = Ranks.of(count, tuple(QUANTILES.values()))
     sought = np.unique([0, *ranks.rows, count - 1])
     parted = np.partition(columns, sought, axis=1)
     # Stamps are too large for float64, but the time since the first of them is not.
