@@ -64,6 +64,7 @@ def test_both_data_sets_live_in_one_folder_and_hold_the_steps_of_the_recordings(
         "lerobot.manifest.json",
         "robomimic.hdf5",
         "robomimic.manifest.json",
+        "robomimic.train.json",
     ]
     expected = [to_steps(read_episode(clean / f"{id}.mcap"), 25) for id in ("0000", "0002")]
     for path in (out, out / "robomimic.hdf5", out / "lerobot"):
@@ -157,7 +158,7 @@ def test_bad_input_is_said_in_one_line(clean, tmp_path):
     with pytest.raises(RecordingError, match=r"holds no \*\.mcap, got nothing"):
         export(folder=tmp_path / "empty")
     save(tmp_path / "failed", recording(5, success=False))
-    with pytest.raises(DatasetError, match=r"none of the 1 recordings .* can be exported; 0005: not a success"):
+    with pytest.raises(DatasetError, match=r"no recording in .* can be exported; the first, 0005: not a success"):
         export(folder=tmp_path / "failed")
     with pytest.raises(DatasetError, match=r"0000: LeRobot takes a whole number of steps a second, got 25/2 Hz"):
         export("robomimic,lerobot", config=ExportConfig(rate_hz=12.5))

@@ -111,6 +111,60 @@ def test_its_behaviour_cloning_trains_on_force(path):
     assert losses[-1] < 0.7 * losses[0]
 
 
+def test_its_trainer_takes_the_configuration_beside_the_file(path, monkeypatch):
+    from robomimic.algo import algo_factory
+    from robomimic.config import config_factory
+    from robomimic.utils import file_utils, obs_utils
+    from robomimic.utils.dataset import SequenceDataset
+
+    monkeypatch.chdir(path.parent)  # Where the configuration expects the file.
+    wanted = json.loads((path.parent / "robomimic.train.json").read_text())
+    config = config_factory(wanted["algo_name"])
+    with config.values_unlocked():
+        config.update(wanted)
+        config.algo.rnn.hidden_dim = 20
+        config.train.batch_size = 16
+    config.lock()
+    obs_utils.initialize_obs_utils_with_config(config)
+    shapes = file_utils.get_shape_metadata_from_dataset(config.train.data, all_obs_keys=config.all_obs_keys)
+    # As its trainer makes the data set, which itself cannot be imported without what renders.
+    trained = SequenceDataset(
+        hdf5_path=config.train.data,
+        obs_keys=shapes["all_obs_keys"],
+        dataset_keys=config.train.dataset_keys,
+        load_next_obs=config.train.hdf5_load_next_obs,
+        frame_stack=config.train.frame_stack,
+        seq_length=config.train.seq_length,
+        pad_seq_length=config.train.pad_seq_length,
+        hdf5_cache_mode=config.train.hdf5_cache_mode,
+        hdf5_use_swmr=config.train.hdf5_use_swmr,
+        hdf5_normalize_obs=config.train.hdf5_normalize_obs,
+        filter_by_attribute=config.train.hdf5_filter_key,
+    )
+    assert set(config.observation.modalities.obs.low_dim) >= {"force_torque", "force_window", "ee_pos", "goal_pos"}
+    assert len(trained) == sum(LENGTHS) - LENGTHS[validation_index(path)]
+    torch.manual_seed(0)
+    device = torch.device("cpu")
+    model = algo_factory(
+        "bc", config=config, obs_key_shapes=shapes["all_shapes"], ac_dim=shapes["ac_dim"], device=device
+    )
+    loader = torch.utils.data.DataLoader(trained, batch_size=16)
+    model.set_train()
+    losses = []
+    for epoch in range(8):
+        for batch in loader:
+            ready = model.process_batch_for_training(batch)
+            ready = model.postprocess_batch_for_training(ready, None)
+            losses.append(float(model.train_on_batch(ready, epoch)["losses"]["action_loss"]))
+    assert np.mean(losses[-3:]) < losses[0]
+
+
+def validation_index(path: Path) -> int:
+    with h5py.File(path) as file:
+        (held_out,) = file["mask/valid"][()]
+    return int(held_out.decode().removeprefix("demo_"))
+
+
 def test_its_tool_finds_the_environment_it_asks_for(path):
     from robomimic.utils import file_utils
 

@@ -142,7 +142,7 @@ def export_folder(
             )
         if len(reasons) == len(paths):
             id, reason = next(iter(reasons.items()))
-            raise DatasetError(f"none of the {len(paths)} recordings in '{clean}' can be exported; {id}: {reason}.")
+            raise DatasetError(f"no recording in '{clean}' can be exported; the first, {id}: {reason}.")
     for name in chosen:
         write_manifest(out, f"export {name}", config, hashes, name=f"{name}.manifest.json")
 

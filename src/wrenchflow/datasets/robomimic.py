@@ -22,8 +22,9 @@ from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.keys import to_keys
 from wrenchflow.datasets.masks import Member, masks_of
 from wrenchflow.datasets.pictures import decode_all
+from wrenchflow.datasets.robomimic_config import training_config
 from wrenchflow.errors import DatasetError, OutputError
-from wrenchflow.manifest import partial_of
+from wrenchflow.manifest import partial_of, write_json
 from wrenchflow.observation import Steps
 
 FORMAT_VERSION = 2
@@ -46,6 +47,8 @@ def writing(path: Path, about: About, *, overwrite: bool = False) -> Iterator["R
     and one for rotation, so that multiplying gives them back exactly. The targets themselves are beside them, as
     `actions_abs`. Where `next_obs` is asked for, that of the last step repeats its `obs`: the episode ends there.
 
+    A configuration that robomimic trains on it with is written beside it, as `<stem>.train.json`.
+
     Args:
         path: The file; it is called `<path>.partial` until the block ends well.
         about: What is known of the whole.
@@ -67,8 +70,14 @@ def writing(path: Path, about: About, *, overwrite: bool = False) -> Iterator["R
         with partial.open("rb") as written:
             os.fsync(written.fileno())
         os.replace(partial, path)
+        write_json(config_path(path), training_config(path.name, sink.first))
     except OSError as error:
         raise OutputError(f"output '{path}' cannot be written: {error}") from error
+
+
+def config_path(path: Path) -> Path:
+    """Where the training configuration of a data set is."""
+    return path.with_suffix(".train.json")
 
 
 class RobomimicSink:
@@ -108,11 +117,20 @@ class RobomimicSink:
         self._members.append(Member.of(steps))
         self._total += len(steps)
 
+    @property
+    def first(self) -> Steps:
+        """The first episode.
+
+        Raises:
+            DatasetError: If there was none.
+        """
+        if self._admission.first is None:
+            raise DatasetError("there is no episode to export.")
+        return self._admission.first
+
     def finish(self) -> None:
         """Scale the actions, and write what is known of the whole."""
-        first = self._admission.first
-        if first is None:
-            raise DatasetError("there is no episode to export.")
+        first = self.first
         scale = action_scale(self._largest)
         for name, demo in self._data.items():
             made = demo["actions"][()]
