@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from wrenchflow.datasets.pictures import size_of
 from wrenchflow.errors import DatasetError
 from wrenchflow.observation import ACTION_WIDTH, OBSERVATIONS, OPTIONAL, Steps
 
@@ -31,6 +32,7 @@ class Admission:
             "a step every": (f"{one.period_ns} ns", f"{first.period_ns} ns"),
             "a wrench through": (one.wrench_filter, first.wrench_filter),
             "pictures of": (_named(one.pictures), _named(first.pictures)),
+            "pictures of so many pixels:": (_sizes(one), _sizes(first)),
             "stamps of": (_named(one.skew_ns), _named(first.skew_ns)),
         }
         for what, (got, expected) in shared.items():
@@ -49,6 +51,11 @@ class Admission:
         require_values(one.actions, (len(one), ACTION_WIDTH), f"the actions of episode {one.episode_id}")
         self._ids.add(one.episode_id)
         self.first = first
+
+
+def _sizes(steps: Steps) -> str:
+    sizes = {name: size_of(pictures[0]) for name, pictures in steps.pictures.items()}
+    return ", ".join(f"{name} {width_px} x {height_px}" for name, (width_px, height_px) in sizes.items()) or "none"
 
 
 def _named(names: Iterable[str]) -> str:

@@ -20,8 +20,10 @@ from wrenchflow.datasets.arrow import array_of, values_of
 from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.grid import rate_of
 from wrenchflow.datasets.masks import Member, masks_of
+from wrenchflow.datasets.pixels import PixelCounts
 from wrenchflow.datasets.running import Running
 from wrenchflow.datasets.summary import summarise
+from wrenchflow.datasets.video import CameraVideos, Clip
 from wrenchflow.errors import DatasetError, OutputError
 from wrenchflow.manifest import output_folder, write_json
 from wrenchflow.observation import Steps
@@ -76,6 +78,8 @@ class LeRobotSink:
         self._data = _Files(folder, open_files)
         self._episodes = _Rows(folder / layout.EPISODES, open_files)
         self._ours = _Rows(folder / layout.OUR_EPISODES, open_files)
+        self._videos: list[CameraVideos] = []
+        self._seen: dict[str, PixelCounts] = {}
         self._rate_hz = self._steps = 0
 
     def add(self, steps: Steps) -> None:
@@ -90,8 +94,10 @@ class LeRobotSink:
         for feature, values in columns.items():
             self._running.setdefault(feature, Running()).add(values, statistics[feature])
         self._kept.add(columns)
+        clips = self._film(steps)
+        statistics |= {feature: clip.counts.summary() for feature, clip in clips.items()}
         file_number = self._data.write(pa.table({name: array_of(values) for name, values in columns.items()}))
-        self._episodes.add(_episode_row(columns, statistics, number, file_number, steps.task))
+        self._episodes.add(_episode_row(columns, statistics, number, file_number, steps.task) | _places(clips))
         told = ("episode_id", "recording_id", "task", "operator", "success")
         self._ours.add({"episode_index": number, **{name: getattr(steps, name) for name in told}})
         self._members.append(Member.of(steps))
@@ -106,12 +112,29 @@ class LeRobotSink:
         meta = self._folder / "meta"
         pq.write_table(layout.tasks_table(self._tasks), meta / "tasks.parquet")
         statistics = {feature: self._statistics(feature) for feature in self._running}
+        statistics |= {feature: counts.summary() for feature, counts in self._seen.items()}
         write_json(meta / "stats.json", {feature: _plain(of) for feature, of in statistics.items()})
         totals = {"episodes": len(self._members), "steps": self._steps, "tasks": len(self._tasks)}
-        info = layout.info(first, self._rate_hz, **totals, videos={})
+        info = layout.info(
+            first, self._rate_hz, **totals, videos={video.feature: video.described for video in self._videos}
+        )
         (self._folder / layout.INFO).write_text(json.dumps(info, indent=4) + "\n")
         masks = masks_of(self._members, self._about)
         write_json(self._folder / layout.OURS, layout.ours(first, self._about.described(first), masks))
+
+    def _film(self, steps: Steps) -> dict[str, Clip]:
+        """Encode an episode's pictures; where each camera's lie, by feature."""
+        if not self._videos:
+            for camera, pictures in steps.pictures.items():
+                self._videos.append(CameraVideos(self._folder, camera, self._rate_hz, pictures[0]))
+                self._open.callback(self._videos[-1].close)
+        clips = {
+            video.feature: video.add(pictures)
+            for video, pictures in zip(self._videos, steps.pictures.values(), strict=True)
+        }
+        for feature, clip in clips.items():
+            self._seen[feature] = self._seen.get(feature, PixelCounts()) + clip.counts
+        return clips
 
     def _statistics(self, feature: str) -> dict[str, np.ndarray]:
         """Those of all values of a feature, which are in memory while they are few, and in the files."""
@@ -256,6 +279,15 @@ def _episode_row(
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
     }
+
+
+def _places(clips: Mapping[str, Clip]) -> dict[str, Any]:
+    """Where an episode's videos are, as LeRobot's table of episodes says it."""
+    found: dict[str, Any] = {}
+    for feature, clip in clips.items():
+        at = {**layout.place(clip.file_number), "from_timestamp": clip.start_s, "to_timestamp": clip.stop_s}
+        found |= {f"videos/{feature}/{name}": value for name, value in at.items()}
+    return found
 
 
 def _plain(statistics: Mapping[str, np.ndarray]) -> dict[str, Any]:

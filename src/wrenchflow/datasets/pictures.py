@@ -20,7 +20,8 @@ def topic_of(camera: str) -> str:
 
 def cameras_of(info: RecordingInfo) -> tuple[str, ...]:
     """The cameras that a recording has pictures of."""
-    return tuple(sorted({one.name.removeprefix(PREFIX) for one in info.topics if one.name.startswith(PREFIX)}))
+    names = {topic.name.removeprefix("/") for topic in info.topics}
+    return tuple(sorted(name.removeprefix(PREFIX) for name in names if name.startswith(PREFIX)))
 
 
 def taken(episode: Episode, camera: str) -> Messages:
@@ -57,6 +58,21 @@ def pictures_at(messages: Messages, t_ns: Int64[np.ndarray, " T"]) -> list[bytes
     except RecordingError as error:
         raise DatasetError(str(error)) from error
     return [found[i] for i in inverse]
+
+
+def size_of(picture: bytes) -> tuple[int, int]:
+    """Width and height of a compressed picture [pixels].
+
+    Raises:
+        DatasetError: If it is no picture.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(picture)) as image:
+            return image.size
+    except (OSError, ValueError, Image.DecompressionBombError) as error:
+        raise DatasetError(f"a picture of {len(picture)} bytes cannot be read: {error}.") from error
 
 
 def decode(picture: bytes, size_px: tuple[int, int] | None = None) -> UInt8[np.ndarray, "height width 3"]:
