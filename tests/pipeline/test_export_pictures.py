@@ -142,7 +142,7 @@ def test_steps_may_lie_where_a_camera_took_its_pictures(clean, tmp_path):
         assert Fraction(file["data"].attrs["rate_hz"]) == 30
 
 
-def test_recordings_of_other_cameras_are_left_out(tmp_path):
+def test_recordings_of_other_cameras_are_left_out_and_encoders_are_silent(tmp_path, capfd):
     folder = tmp_path / "clean"
     folder.mkdir()
     write_episode(folder / "0000.mcap", recording(0, 0.5))
@@ -152,3 +152,4 @@ def test_recordings_of_other_cameras_are_left_out(tmp_path):
     assert not results["0000"].left_out
     assert "'camera/scene' is not in" in results["0001"].left_out
     assert "64 x 64, expected scene 96 x 96" in results["0002"].left_out
+    assert "Svt" not in capfd.readouterr().err

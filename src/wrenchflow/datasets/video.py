@@ -1,5 +1,6 @@
 """A camera's videos as LeRobot keeps them: encoded once, from the pictures that were recorded, many episodes a file."""
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -133,6 +134,8 @@ def _told(feature: str) -> Iterator[None]:
 
 
 def _av() -> Any:
+    # The encoder would write twenty lines about itself to stderr for each file; errors it still says.
+    os.environ.setdefault("SVT_LOG", "1")
     try:
         import av
     except ImportError as error:
