@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wrenchflow.config import to_mapping
 from wrenchflow.datasets.about import About
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.datasets.grid import Grid
@@ -20,7 +19,6 @@ from wrenchflow.episode import Episode, Stream
 from wrenchflow.errors import DatasetError
 from wrenchflow.recording.images import image_messages, jpeg
 from wrenchflow.signals import JOINTS, POSE, TWIST, WRENCH
-from wrenchflow.spatial import rotation_of
 
 MS = 1_000_000
 START_NS = 1_700_000_000_000_000_000
@@ -190,7 +188,6 @@ def test_an_increment_leads_from_the_tool_to_its_target():
     made = increments(pose.astype(np.float32), actions.astype(np.float32))
     np.testing.assert_allclose(made[:, :3], 0.01, atol=1e-6)
     np.testing.assert_allclose(made[:, 3:], turn, atol=1e-5)
-    assert rotation_of(pose[:, 3:]).shape == (50, 3, 3)
 
 
 def test_parts_of_a_recording_are_on_one_side_of_every_split():
@@ -208,7 +205,3 @@ def test_parts_of_a_recording_are_on_one_side_of_every_split():
     assert masks["gentle"] == tuple(range(3, 9))
     for name in ("task_a_b_c", "operator_x", "gentle"):
         assert sorted(masks[f"{name}_train"] + masks[f"{name}_valid"]) == list(masks[name])
-
-
-def test_the_config_says_what_a_grid_is():
-    assert to_mapping(ExportConfig())["gaps"] == "split"
