@@ -1,8 +1,6 @@
 """The Panda as a MuJoCo model of our own: published kinematics, identified inertias, capsules, torque motors.
 
-Sources: `wrenchflow.kinematics` for the table of its joints; Gaz et al., *Dynamic Identification of the Franka Emika
-Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization* (2019), for masses, centres of mass
-and inertias.
+Sources: `wrenchflow.kinematics` for the table of its joints, `wrenchflow.panda_links` for masses and inertias.
 """
 
 import math
@@ -11,22 +9,12 @@ import mujoco
 import numpy as np
 
 from wrenchflow.kinematics import DH, FLANGE_M
+from wrenchflow.panda_links import LINKS
 from wrenchflow.rig import Rig
 from wrenchflow.spatial import compose
 
 READY_RAD = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 
-# Mass [kg], centre of mass [m], ixx iyy izz ixy ixz iyz [kg m^2] about it, in the axes of the link's frame.
-LINKS = (
-    (0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-7, 0.00015, 8.2299e-6)),
-    (4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
-    (0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
-    (3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
-    (3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
-    (1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
-    (1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
-    (0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
-)
 # Capsules that cover the links, a link: from [m], to [m], radius [m], in the link's frame. Link 0 first.
 CAPSULES = (
     ((-0.08, 0.0, 0.06), (0.0, 0.0, 0.06), 0.06),
