@@ -30,6 +30,7 @@ from wrenchflow.command import (
     watch,
 )
 from wrenchflow.config import to_mapping
+from wrenchflow.dataset_commands import Analyze
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.errors import ControlError
@@ -437,6 +438,7 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
         "import": Import,
         "process": Process,
         "export": Export,
+        "analyze": Analyze,
         "train": Train,
         "deploy": Deploy,
         "info": Info,

@@ -4,8 +4,8 @@ Source: Gaz et al., *Dynamic Identification of the Franka Emika Panda Robot With
 Penalty-Based Optimization* (2019).
 """
 
-# From link 0, the base, to link 7: mass [kg], centre of mass [m], ixx iyy izz ixy ixz iyz [kg m^2] about it, in the axes
-# of the link's frame.
+# From link 0, the base, to link 7: mass [kg], centre of mass [m], and ixx iyy izz ixy ixz iyz [kg m^2] about it, in the
+# axes of the link's frame.
 LINKS = (
     (0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-7, 0.00015, 8.2299e-6)),
     (4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),

@@ -57,6 +57,13 @@ def process_lines(result: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def analysis_lines(result: Mapping[str, Any]) -> list[str]:
+    """What `analyze` found: figures, then how many episodes have each finding."""
+    plain = {key: value for key, value in result.items() if key not in ("findings", "page")}
+    found = {name: f"{count} episode{'' if count == 1 else 's'}" for name, count in result["findings"].items()}
+    return [*result_lines(plain), *result_lines({"findings": found, "page": result["page"]})]
+
+
 def calibration_lines(result: Mapping[str, Any]) -> list[str]:
     """What `calibrate` found, within what it lies in 95 of 100 cases, and what is true, where a simulation knows."""
     payload, truth = result["payload"], result["truth"]

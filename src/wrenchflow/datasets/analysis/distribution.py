@@ -1,6 +1,6 @@
 """Distributions that can be added up: extremes, mean, deviation and quantiles of any number of rows, in little memory.
 
-Quantiles come from counts in cells whose width grows with the number: within 1 % of the true one, or within 1e-5 near 0.
+Quantiles come from counts in cells whose width grows with the number: within 1 % of the true one, near 0 within 1e-5.
 """
 
 from dataclasses import dataclass

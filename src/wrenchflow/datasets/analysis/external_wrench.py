@@ -9,6 +9,7 @@ Birge did (1932).
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -69,9 +70,7 @@ def _frames(q, dh, flange, masses, coms, hand_mass, hand_com, gravity, jacobian,
             centres[i, k] = position[k] + turn[k, 0] * coms[i, 0] + turn[k, 1] * coms[i, 1] + turn[k, 2] * coms[i, 2]
     for k in range(3):
         position[k] += turn[k, 2] * flange
-        centres[n, k] = (
-            position[k] + turn[k, 0] * hand_com[0] + turn[k, 1] * hand_com[1] + turn[k, 2] * hand_com[2]
-        )
+        centres[n, k] = position[k] + turn[k, 0] * hand_com[0] + turn[k, 1] * hand_com[1] + turn[k, 2] * hand_com[2]
     for i in range(n):
         x, y, z = axes[i]
         rx, ry, rz = position[0] - origins[i, 0], position[1] - origins[i, 1], position[2] - origins[i, 2]
@@ -207,5 +206,5 @@ def estimate_wrench(
     return Estimate(wrench=wrench, std=std, touch=np.where(far, np.nan, touch / raised), misfit=raised)
 
 
-def _model(config: AnalysisConfig) -> tuple[object, ...]:
+def _model(config: AnalysisConfig) -> Any:
     return (_DH, FLANGE_M, _MASSES_KG, _COMS_M, config.hand_mass_kg, np.array(config.hand_com_m), GRAVITY_M_S2)

@@ -15,6 +15,8 @@ from wrenchflow.datasets.analysis.voxels import voxels_of
 # A step that comes this many periods after the one before is late.
 _LATE = 1.5
 _SHAPE = 16  # Postures that an episode is compared by.
+# What is not finite there was not told, and is no fault of the data.
+_DERIVED = (of.ESTIMATED, of.TIMING)
 _FORCES = (of.WRENCH, of.WRENCH_RAW, of.ESTIMATED)
 
 
@@ -110,7 +112,7 @@ def look_at(episode: Trajectory, config: AnalysisConfig) -> Looked:
     values: dict[str, float | int | None] = dict(episode.counts)
     values |= _time(episode) | _space(episode) | _felt(episode) | _health(episode)
     values["not_finite"] = int(
-        sum(each.missing.sum() for name, (_, _, each) in tallies.items() if name != of.ESTIMATED)
+        sum(each.missing.sum() for name, (_, _, each) in tallies.items() if name not in _DERIVED)
     ) + _not_finite(episode)
     if episode.contact is not None and len(episode.contact):
         share = "estimated_contact_rate" if episode.contact_by == of.ESTIMATED else "contact_rate"
@@ -162,7 +164,7 @@ def _space(episode: Trajectory) -> dict[str, float | int | None]:
     action = episode.tables.get(of.ACTION)
     if action is not None and len(action.data):
         data = action.data
-        idle = ~data.any(axis=1)
+        idle = (data == 0.0).all(axis=1)
         idle[1:] |= (data[1:] == data[:-1]).all(axis=1)
         told["idle_share"] = float(idle.mean())
     return told
@@ -208,9 +210,7 @@ def _health(episode: Trajectory) -> dict[str, float | int | None]:
 
 
 def _not_finite(episode: Trajectory) -> int:
-    return sum(
-        int((~np.isfinite(each)).sum()) for each in (episode.position_m, episode.joints_rad) if each is not None
-    )
+    return sum(int((~np.isfinite(each)).sum()) for each in (episode.position_m, episode.joints_rad) if each is not None)
 
 
 def _shape(episode: Trajectory) -> tuple[Float32[np.ndarray, " s"], str]:
