@@ -70,6 +70,7 @@ main > div[id] {{ scroll-margin-top: 3rem; }}
 .group td:last-child {{ overflow-wrap: anywhere; }} .group td {{ min-width: 5.5rem; }}
 .group td.text {{ min-width: 14rem; }} .group dl {{ margin: .5rem .9rem; }}
 summary, h1, td a, dd, li {{ overflow-wrap: anywhere; }}
+.compared th {{ vertical-align: bottom; white-space: normal; }} .compared td:first-child {{ min-width: 13rem; }}
 ul.names {{ columns: 16rem; margin: .4rem .9rem .8rem; }}
 .strips {{ display: grid; gap: .35rem 2rem; grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); }}
 .strip > div {{ display: flex; flex-wrap: wrap; gap: 0 .7rem; align-items: baseline; }}

@@ -7,7 +7,7 @@ import numpy as np
 from wrenchflow.datasets.analysis.analysis import Analysis, Group
 from wrenchflow.datasets.analysis.figures import FIGURES
 from wrenchflow.datasets.analysis.tables import success_rate
-from wrenchflow.pages.page import percent, section, table
+from wrenchflow.pages.page import NBSP, percent, section, table
 
 _SHOWN = 12
 # A column of groups: its head, the figure, and how many digits its median has.
@@ -41,7 +41,8 @@ def groups_section(analysis: Analysis) -> str:
             if rest
             else ""
         )
-        parts.append(f"<h3>By {escape(kind)}</h3>{table(head, rows[:_SHOWN], wide=True)}{more}")
+        shown = f'<div class="compared">{table(head, rows[:_SHOWN], wide=True)}</div>'
+        parts.append(f"<h3>By {escape(kind)}</h3>{shown}{more}")
     return section("Compared", *parts)
 
 
@@ -67,22 +68,21 @@ def collectors_section(analysis: Analysis) -> str:
         "Above 1, who demonstrates matters more than chance: a policy may learn the person. A single figure of few "
         "collectors proves little.</p>"
     )
-    head = ("task", "figure", "collectors", "episodes", "between", "within", "ratio", "means")
+    head = ("task", "figure", "collectors", "episodes", "between", "within", "ratio", "least and greatest mean")
     rows = []
     for each in analysis.spreads:
         unit = _UNITS[each.figure]
-        means = ", ".join(f"{name} {value:.3g}" for name, value in list(each.means.items())[:6])
-        more = f", and {len(each.means) - 6} more" if len(each.means) > 6 else ""
+        (least, low), *_, (most, high) = sorted(each.means.items(), key=lambda one: one[1])
         rows.append(
             (
                 f"<span>{escape(each.task)}</span>",
                 f'<td class="text">{escape(each.figure)}</td>',
                 f"{each.collectors}",
                 f"{each.episodes:,}",
-                escape(f"{each.between:.3g} {unit}".strip()),
-                escape(f"{each.within:.3g} {unit}".strip()),
+                escape(f"{each.between:.3g}{NBSP}{unit}".strip()),
+                escape(f"{each.within:.3g}{NBSP}{unit}".strip()),
                 "no limit" if np.isinf(each.ratio) else f"{each.ratio:.2f}",
-                f'<td class="text">{escape(means + more)}</td>',
+                f'<td class="text">{escape(f"{low:.3g} of {least} to {high:.3g} of {most}")}</td>',
             )
         )
     rest = rows[_SHOWN:]

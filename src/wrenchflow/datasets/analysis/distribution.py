@@ -20,8 +20,8 @@ class Tally:
 
     Attributes:
         count: Finite values, by column. Shape (d,).
-        total: Their sums. Shape (d,).
-        squares: The sums of their squares. Shape (d,).
+        mean: Their means; 0 where there is none. Shape (d,).
+        squares: The sums of the squares of what they lie from their mean. Shape (d,).
         low: The least; inf where there is none. Shape (d,).
         high: The greatest; -inf where there is none. Shape (d,).
         missing: Values that are not finite, by column. Shape (d,).
@@ -30,7 +30,7 @@ class Tally:
     """
 
     count: Int64[np.ndarray, " d"]
-    total: Float[np.ndarray, " d"]
+    mean: Float[np.ndarray, " d"]
     squares: Float[np.ndarray, " d"]
     low: Float[np.ndarray, " d"]
     high: Float[np.ndarray, " d"]
@@ -46,6 +46,8 @@ def tally(data: Float[np.ndarray, "n d"]) -> Tally:
     whole = bool(finite.all())
     kept = data if whole else np.where(finite, data, 0.0)
     count = np.full(width, len(data)) if whole else finite.sum(axis=0)
+    mean = kept.sum(axis=0) / np.maximum(count, 1)
+    apart = kept - mean if whole else np.where(finite, kept - mean, 0.0)
     cells = np.rint(np.arcsinh(kept / _NEAR) * _PER).astype(np.int64)
     np.clip(cells, -_HALF, _HALF, out=cells)
     cells += _HALF + CELLS * np.arange(width)
@@ -54,8 +56,8 @@ def tally(data: Float[np.ndarray, "n d"]) -> Tally:
     there = np.flatnonzero(counted)
     return Tally(
         count=count,
-        total=kept.sum(axis=0),
-        squares=np.einsum("ij,ij->j", kept, kept),
+        mean=mean,
+        squares=np.einsum("ij,ij->j", apart, apart),
         low=(data if whole else np.where(finite, data, np.inf)).min(axis=0, initial=np.inf),
         high=(data if whole else np.where(finite, data, -np.inf)).max(axis=0, initial=-np.inf),
         missing=len(data) - count,
@@ -71,27 +73,29 @@ class Moments:
         self.count = np.zeros(width, np.int64)
         self.missing = np.zeros(width, np.int64)
         self.low, self.high = np.full(width, np.inf), np.full(width, -np.inf)
-        self._total, self._squares = np.zeros(width), np.zeros(width)
+        self._mean, self._squares = np.zeros(width), np.zeros(width)
 
     def add(self, of: Tally) -> None:
-        """Take in some rows."""
-        self.count += of.count
+        """Take in some rows; squares of far numbers would cancel, those of their distance from the mean do not."""
+        count = self.count + of.count
+        share = of.count / np.maximum(count, 1)
+        apart = of.mean - self._mean
+        self._squares += of.squares + apart**2 * self.count * share
+        self._mean += apart * share
+        self.count = count
         self.missing += of.missing
-        self._total += of.total
-        self._squares += of.squares
         np.minimum(self.low, of.low, out=self.low)
         np.maximum(self.high, of.high, out=self.high)
 
     @property
     def mean(self) -> Float[np.ndarray, " d"]:
         """Of each column; NaN where it has no value."""
-        return self._total / np.where(self.count > 0, self.count, np.nan)
+        return np.where(self.count > 0, self._mean, np.nan)
 
     @property
     def std(self) -> Float[np.ndarray, " d"]:
         """Of each column, of the population."""
-        square = self._squares / np.where(self.count > 0, self.count, np.nan)
-        return np.sqrt(np.maximum(square - self.mean**2, 0.0))
+        return np.sqrt(self._squares / np.where(self.count > 0, self.count, np.nan))
 
 
 class Distribution(Moments):
@@ -119,5 +123,6 @@ class Distribution(Moments):
     def counted(self, column: int, edges: Float[np.ndarray, " e"]) -> Int64[np.ndarray, " c"]:
         """How many values of a column lie between edges, by the middle of their cells. Shape (e - 1,)."""
         middles = np.sinh((np.arange(CELLS) - _HALF) / _PER) * _NEAR
+        middles = np.clip(middles, self.low[column], self.high[column])
         counts = self._cells.reshape(-1, CELLS)[column]
         return np.histogram(middles, edges, weights=counts)[0].astype(np.int64)

@@ -63,13 +63,13 @@ class DroidTree:
             # One plain way into the file: h5py's own objects take several times as long to make as the numbers.
             file = h5f.open(os.fsencode(path), h5f.ACC_RDONLY)
         except OSError as error:
-            raise DatasetError(f"'{place}' cannot be read as HDF5: {error}") from error
+            raise DatasetError(f"it cannot be read as HDF5: {error}") from error
         try:
             columns = _Columns(file)
             columns.missing += missing
             return _trajectory(columns, place, metadata, config)
         except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
-            raise DatasetError(f"'{place}' cannot be read as an episode of DROID: {error}") from error
+            raise DatasetError(f"it cannot be read as an episode of DROID: {error}") from error
         finally:
             file.close()
 

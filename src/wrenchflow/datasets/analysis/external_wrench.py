@@ -87,7 +87,7 @@ def _frames(q, dh, flange, masses, coms, hand_mass, hand_com, gravity, jacobian,
 
 
 @kernel
-def _holding(q, dh, flange, masses, coms, hand_mass, hand_com, gravity, out):
+def _holding(q, out, dh, flange, masses, coms, hand_mass, hand_com, gravity):
     """Torques that hold the arm up, of many postures."""
     jacobian = np.empty((6, q.shape[1]))
     for row in range(q.shape[0]):
@@ -128,7 +128,7 @@ def _inverse(a, out):
 
 
 @kernel
-def _solve(q, tau, weights, dh, flange, masses, coms, hand_mass, hand_com, gravity, wrench, variance, touch, misfit):
+def _solve(q, tau, weights, wrench, variance, touch, misfit, dh, flange, masses, coms, hand_mass, hand_com, gravity):
     """Weighted least squares of each row."""
     joints = q.shape[1]
     jacobian, holding = np.empty((6, joints)), np.empty(joints)
@@ -174,7 +174,7 @@ def _solve(q, tau, weights, dh, flange, masses, coms, hand_mass, hand_com, gravi
 def holding_torque(q_rad: Float[np.ndarray, "n 7"], config: AnalysisConfig) -> Float[np.ndarray, "n 7"]:
     """Torques that hold the arm and its hand up against gravity [N.m]. Shape (n, 7)."""
     out = np.empty((len(q_rad), JOINTS))
-    _holding(np.ascontiguousarray(q_rad, np.float64), *_model(config), out)
+    _holding(np.ascontiguousarray(q_rad, np.float64), out, *_model(config))
     return out
 
 
@@ -196,7 +196,7 @@ def estimate_wrench(
     wrench, variance = np.empty((count, 6)), np.empty((count, 6))
     touch, misfit = np.empty(count), np.empty(count)
     weights = np.array(config.torque_std_nm) ** -2.0
-    _solve(q_rad, np.ascontiguousarray(left), weights, *_model(config), wrench, variance, touch, misfit)
+    _solve(q_rad, np.ascontiguousarray(left), weights, wrench, variance, touch, misfit, *_model(config))
     told = np.isfinite(misfit)
     # One equation more than unknowns: the expected square of what is left over is 1.
     raised = max(float(misfit[told].mean()) if told.any() else 1.0, 1.0)

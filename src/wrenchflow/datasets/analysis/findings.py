@@ -20,7 +20,7 @@ class Kind:
 
     name: str
     figure: str
-    is_found: Callable[[float, EpisodeFigures], bool]
+    is_found: Callable[[float | int, EpisodeFigures], bool]
     meaning: str
     is_defect: bool = True
 
@@ -38,7 +38,7 @@ class Finding:
     episodes: tuple[int, ...]
 
 
-def _above(limit: float) -> Callable[[float, EpisodeFigures], bool]:
+def _above(limit: float) -> Callable[[float | int, EpisodeFigures], bool]:
     return lambda value, _: value > limit
 
 
@@ -46,13 +46,13 @@ KINDS = (
     Kind(
         name="not-finite",
         figure="not_finite",
-        is_found=_above(0),
+        is_found=_above(0.0),
         meaning="Numbers that are no numbers: one of them turns every weight of a network into none.",
     ),
     Kind(
         name="stamps-not-increasing",
         figure="repeated_stamps",
-        is_found=_above(0),
+        is_found=_above(0.0),
         meaning="Stamps that repeat or go back: what belongs together cannot be told.",
     ),
     Kind(
@@ -64,14 +64,14 @@ KINDS = (
     Kind(
         name="skipped-actions",
         figure="skipped_actions",
-        is_found=_above(0),
+        is_found=_above(0.0),
         meaning="Actions that were recorded and never carried out; leave these steps out.",
         is_defect=False,
     ),
     Kind(
         name="failed-commands",
         figure="failed_commands",
-        is_found=_above(0),
+        is_found=_above(0.0),
         meaning="Commands that the controller refused: the arm did not do what the action says.",
     ),
     Kind(

@@ -46,7 +46,7 @@ class LeRobotFolder:
         try:
             return _opened(self.root).trajectory(int(place), config)
         except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-            raise DatasetError(f"episode {place} cannot be read: {error}") from error
+            raise DatasetError(f"it cannot be read: {error}") from error
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

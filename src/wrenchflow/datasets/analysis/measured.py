@@ -155,7 +155,7 @@ def _axes(named: Named, found: Distribution) -> str:
     rows = []
     for i, (column, unit) in enumerate(zip(named[1], named[2], strict=True)):
         values = (found.low[i], low[i], middle[i], high[i], found.high[i], found.mean[i], found.std[i])
-        name = f"{escape(column)}{f' <small>{escape(unit)}</small>' if unit else ''}"
+        name = escape(f"{column}{NBSP}[{unit}]" if unit else column)
         rows.append((name, *map(_said, values), f"{found.count[i]:,}", f"{found.missing[i]:,}"))
     return table(_HEAD, rows)
 

@@ -43,11 +43,11 @@ class RecordingFolder:
         recording = Recording(self.root / place)
         there = [name for name in _STREAMS if name in recording.streams]
         if not there:
-            raise DatasetError(f"'{place}' has none of {', '.join(_STREAMS)}.")
+            raise DatasetError(f"it has none of {', '.join(_STREAMS)}.")
         episode = recording.read([name for name in there if name != "wrench_raw" or "wrench" not in there])
         paced = next((episode[name] for name in there if name in episode and len(episode[name])), None)
         if paced is None:
-            raise DatasetError(f"'{place}' has no samples.")
+            raise DatasetError("it has no samples.")
         pose, joints = _thinned(episode, "tcp_pose"), _thinned(episode, "joint_states")
         wrench = episode.streams.get("wrench")
         return Trajectory(

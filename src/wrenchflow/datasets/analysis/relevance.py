@@ -4,12 +4,11 @@ Words decide first (those that few episodes have weigh more), then what came of 
 whether it is a copy of another. Each verdict says why, so that a person may overrule it.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from wrenchflow.datasets.analysis.figures import EpisodeFigures
 from wrenchflow.datasets.analysis.findings import Finding
@@ -67,13 +66,13 @@ def rank(
     seen = Counter(word for words in have for word in words)
 
     def weight(words: frozenset[str]) -> float:
-        return sum(np.log1p(len(episodes) / (1 + seen[word])) ** 2 for word in words)
+        return sum((math.log1p(len(episodes) / (1 + seen[word])) ** 2 for word in words), start=0.0)
 
     whole = weight(wanted)
     scores = []
     for words in have:
         size = whole * weight(words)
-        scores.append(float(weight(wanted & words) / np.sqrt(size)) if size > 0.0 else 0.0)
+        scores.append(weight(wanted & words) / math.sqrt(size) if size > 0.0 else 0.0)
     best = max(scores, default=0.0)
     defects = {
         i: finding.kind.name for finding in reversed(findings) if finding.kind.is_defect for i in finding.episodes

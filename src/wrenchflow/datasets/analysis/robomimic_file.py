@@ -48,10 +48,10 @@ class RobomimicFile:
             with h5py.File(self.path, "r") as file:
                 demo = file[f"data/{place}"]
                 if not isinstance(demo, h5py.Group):
-                    raise DatasetError(f"{place} is not a group.")
+                    raise DatasetError("it is not a group.")
                 return _trajectory(demo, place, _about(file["data"]), config)
         except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
-            raise DatasetError(f"{place} cannot be read: {error}") from error
+            raise DatasetError(f"it cannot be read: {error}") from error
 
 
 def _about(data: Any) -> Mapping[str, Any]:
@@ -81,7 +81,7 @@ def _number(name: str) -> tuple[int, str]:
 def _trajectory(demo: h5py.Group, place: str, about: Mapping[str, Any], config: AnalysisConfig) -> Trajectory:
     actions = _rows(demo, "actions")
     if actions is None or not len(actions):
-        raise DatasetError(f"{place} has no actions. It has: {', '.join(demo) or 'nothing'}.")
+        raise DatasetError(f"it has no actions, only {', '.join(demo) or 'nothing'}.")
     steps, rate_hz = len(actions), about["rate_hz"]
     obs = demo["obs"] if isinstance(demo.get("obs"), h5py.Group) else {}
     position = _observed(obs, names.POSITIONS, steps)

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from wrenchflow.datasets.analysis.config import AnalysisConfig
 from wrenchflow.datasets.analysis.trajectory import Trajectory
 
 
+@runtime_checkable
 class Source(Protocol):
     """A data set whose episodes can be read one by one, in any process."""
 
