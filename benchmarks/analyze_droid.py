@@ -22,7 +22,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 
 from droid.tree import columns_read, write_tree
-
 from wrenchflow.datasets.analysis.analyze import analyze
 from wrenchflow.datasets.analysis.config import AnalysisConfig
 from wrenchflow.datasets.analysis.open_source import open_source

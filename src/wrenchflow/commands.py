@@ -30,7 +30,7 @@ from wrenchflow.command import (
     watch,
 )
 from wrenchflow.config import to_mapping
-from wrenchflow.dataset_commands import Analyze
+from wrenchflow.dataset_commands import Analyze, Restore
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
 from wrenchflow.errors import ControlError
@@ -50,6 +50,8 @@ from wrenchflow.told import (
     validation_lines,
 )
 from wrenchflow.train.config import TrainConfig
+
+_FORMATS = "robomimic, lerobot, zarr (Diffusion Policy's replay buffer), parquet, csv; several with commas."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +233,9 @@ class Process(Parallel):
 class Export(Parallel):
     """Make a data set of the recordings in CLEAN; OUT may hold one of each format."""
 
-    format: Annotated[Positional[str], arg(metavar="FORMAT", help="robomimic, lerobot, or both with a comma.")]
+    format: Annotated[
+        Positional[str], arg(metavar="FORMAT", help="robomimic, lerobot, zarr, parquet, csv; several with commas.")
+    ]
     clean: Annotated[Positional[Path], arg(metavar="CLEAN", help="Folder of processed recordings.")]
     out: Out
     config: Annotated[ExportConfig, _UNPREFIXED] = field(default_factory=ExportConfig)
@@ -255,7 +259,9 @@ class Export(Parallel):
         return {
             "episodes": sum(not episode.left_out for episode in episodes),
             "left_out": {episode.id: episode.left_out for episode in episodes if episode.left_out},
+            "divided_by_gaps": {episode.id: episode.parts for episode in episodes if episode.parts > 1},
             "steps": sum(episode.steps for episode in episodes),
+            "marked_steps": sum(episode.invalid for episode in episodes),
             "out": str(self.out),
         }
 
@@ -439,6 +445,7 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
         "process": Process,
         "export": Export,
         "analyze": Analyze,
+        "restore": Restore,
         "train": Train,
         "deploy": Deploy,
         "info": Info,

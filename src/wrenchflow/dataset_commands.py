@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from wrenchflow.command import _UNPREFIXED, Out, Parallel, watch
+from wrenchflow.command import _UNPREFIXED, Command, Out, Overwrite, Parallel, watch
 from wrenchflow.datasets.analysis.config import AnalysisConfig
 from wrenchflow.told import analysis_lines
 
@@ -38,3 +38,26 @@ class Analyze(Parallel):
     def text(self, result: dict[str, Any]) -> list[str]:
         """Figures, and what is wrong."""
         return analysis_lines(result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Restore(Command):
+    """Make recordings again of a data set that wrenchflow exported: OUT/<recording>.mcap, the force at its own rate."""
+
+    dataset: Annotated[Positional[Path], arg(metavar="DATASET", help="A robomimic .hdf5 file, or a LeRobot folder.")]
+    out: Out
+    overwrite: Overwrite = False
+
+    def run(self) -> dict[str, Any]:
+        """Do it."""
+        from wrenchflow.datasets.load import load_steps
+        from wrenchflow.datasets.restore import joined, restore
+        from wrenchflow.manifest import output_folder, write_manifest
+        from wrenchflow.recording.write import write_episode
+
+        recordings = joined(load_steps(self.dataset))
+        with output_folder(self.out, overwrite=self.overwrite, reads=[self.dataset]) as partial:
+            episodes = (write_episode(partial / f"{id}.mcap", restore(parts)) for id, parts in recordings.items())
+            watch("restore", episodes, len(recordings))
+            write_manifest(partial, "restore", {"dataset": self.dataset.name})
+        return {"recordings": len(recordings), "out": str(self.out)}

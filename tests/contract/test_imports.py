@@ -57,6 +57,8 @@ ONLY_IN = {
     "hid": {"collect"},
     "hidraw": {"collect"},
     "rosbags": {"imports"},
+    "zarr": {"datasets"},
+    "numcodecs": {"datasets"},
 }
 
 

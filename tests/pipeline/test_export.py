@@ -52,7 +52,7 @@ def clean(tmp_path) -> Path:
 def test_both_data_sets_live_in_one_folder_and_hold_the_steps_of_the_recordings(clean, tmp_path):
     out = tmp_path / "dataset"
     config = ExportConfig(rate_hz=25.0)
-    for format in FORMATS:
+    for format in ("robomimic", "lerobot"):
         results = list(export_folder(format, clean, out, config))
         assert [(one.id, one.steps, one.left_out) for one in results] == [
             ("0000", 17, ""),
@@ -108,7 +108,8 @@ def test_an_export_that_is_interrupted_leaves_nothing_that_looks_whole(clean, tm
     results.close()
     assert not (out / FORMATS[format].name).exists()
     assert len(list(export_folder(format, clean, out, ExportConfig()))) == 3
-    assert load_steps(out)
+    assert (out / FORMATS[format].name).exists()
+    assert not list(out.glob("*.partial"))
 
 
 def test_tasks_may_differ_and_are_told_apart(tmp_path):
@@ -149,7 +150,7 @@ def test_bad_input_is_said_in_one_line(clean, tmp_path):
         return list(export_folder(format, folder, tmp_path / "dataset", config or ExportConfig()))
 
     with pytest.raises(
-        ConfigError, match=r"unknown format 'robomimik'\. Did you mean 'robomimic'\? Available: lerobot"
+        ConfigError, match=r"unknown format 'robomimik'\. Did you mean 'robomimic'\? Available: csv, lerobot"
     ):
         export("robomimik")
     with pytest.raises(RecordingError, match="does not exist"):

@@ -1,6 +1,6 @@
 """What has to hold of steps before they are written, and of what is read; the formats check little."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,16 +16,24 @@ class Admission:
         self.first: Steps | None = None
         self._ids: set[str] = set()
 
-    def admit(self, one: Steps) -> None:
-        """Let an episode in.
+    def admit(self, parts: Sequence[Steps]) -> None:
+        """Let the parts of a recording in, all of them or none.
 
         Raises:
-            DatasetError: If it is empty or there already, if its period, filter, streams or cameras differ from those
+            DatasetError: If one is empty or there already, if its period, filter, streams or cameras differ from those
                 of the first one, or if an observation is missing, of another shape or type, or not finite.
         """
-        first = self.first or one
-        if one.episode_id in self._ids:
-            raise DatasetError(f"episode {one.episode_id} is there twice; ids have to differ.")
+        first = self.first or parts[0]
+        ids = [one.episode_id for one in parts]
+        for one in parts:
+            self._check(one, first)
+        if repeated := (self._ids.intersection(ids) or {id for id in ids if ids.count(id) > 1}):
+            raise DatasetError(f"episode {min(repeated)} is there twice; ids have to differ.")
+        self._ids.update(ids)
+        self.first = first
+
+    @staticmethod
+    def _check(one: Steps, first: Steps) -> None:
         if not len(one):
             raise DatasetError(f"episode {one.episode_id} has no steps.")
         shared = {
@@ -49,8 +57,6 @@ class Admission:
                 )
             require_values(one.observations[name], (len(one), *shape), f"'{name}' of episode {one.episode_id}")
         require_values(one.actions, (len(one), ACTION_WIDTH), f"the actions of episode {one.episode_id}")
-        self._ids.add(one.episode_id)
-        self.first = first
 
 
 def _sizes(steps: Steps) -> str:

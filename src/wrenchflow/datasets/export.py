@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wrenchflow.datasets import lerobot, robomimic
+from wrenchflow.datasets import lerobot, replay_buffer, robomimic, spreadsheet
 from wrenchflow.datasets.about import About
 from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.config import ExportConfig
@@ -45,6 +45,9 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
     {
         "robomimic": Format(name=ROBOMIMIC_NAME, writing=robomimic.writing),
         "lerobot": Format(name=LEROBOT_NAME, writing=lerobot.writing, check=lerobot.frames_per_second),
+        "zarr": Format(name="replay_buffer.zarr", writing=replay_buffer.writing),
+        "parquet": Format(name="steps.parquet", writing=spreadsheet.writing),
+        "csv": Format(name="steps.csv", writing=spreadsheet.writing),
     }
 )
 
@@ -173,7 +176,7 @@ class _DataSet:
             for part in sampled.parts:
                 for format in self._formats.values():
                     format.check(part)
-                self._admission.admit(part)
+            self._admission.admit(sampled.parts)
         except DatasetError as error:
             return str(error).rstrip(".")
         if not self._sinks:

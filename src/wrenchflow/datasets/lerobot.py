@@ -17,11 +17,11 @@ import pyarrow.parquet as pq
 from wrenchflow.datasets import lerobot_layout as layout
 from wrenchflow.datasets.about import About
 from wrenchflow.datasets.arrow import array_of, values_of
-from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.grid import rate_of
 from wrenchflow.datasets.masks import Member, masks_of
 from wrenchflow.datasets.pixels import PixelCounts
 from wrenchflow.datasets.running import Running
+from wrenchflow.datasets.sink import add_all
 from wrenchflow.datasets.summary import summarise
 from wrenchflow.datasets.video import CameraVideos, Clip
 from wrenchflow.errors import DatasetError, OutputError
@@ -36,8 +36,7 @@ _ROWS = 100  # Episodes whose rows of the table of episodes are held until they 
 def write(folder: Path, steps: Sequence[Steps], about: About, *, overwrite: bool = False) -> None:
     """Write episodes that are in memory; `writing` says the rest."""
     with writing(folder, about, overwrite=overwrite) as sink:
-        for one in steps:
-            sink.add(one)
+        add_all(sink, steps)
 
 
 @contextmanager
@@ -70,7 +69,7 @@ class LeRobotSink:
 
     def __init__(self, folder: Path, about: About, open_files: ExitStack) -> None:
         self._folder, self._about, self._open = folder, about, open_files
-        self._admission = Admission()
+        self._first: Steps | None = None
         self._members: list[Member] = []
         self._tasks: list[str] = []
         self._running: dict[str, Running] = {}
@@ -84,7 +83,7 @@ class LeRobotSink:
 
     def add(self, steps: Steps) -> None:
         """Write an episode."""
-        self._admission.admit(steps)
+        self._first = self._first or steps
         self._rate_hz = frames_per_second(steps)
         if steps.task not in self._tasks:
             self._tasks.append(steps.task)
@@ -105,7 +104,7 @@ class LeRobotSink:
 
     def finish(self) -> None:
         """Write what is known of the whole."""
-        first = self._admission.first
+        first = self._first
         if first is None:
             raise DatasetError("there is no episode to export.")
         self._open.close()

@@ -18,11 +18,11 @@ from jaxtyping import Float32
 from wrenchflow import __version__
 from wrenchflow.datasets import increments, keys
 from wrenchflow.datasets.about import About
-from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.keys import to_keys
 from wrenchflow.datasets.masks import Member, masks_of
 from wrenchflow.datasets.pictures import decode_all
 from wrenchflow.datasets.robomimic_config import training_config
+from wrenchflow.datasets.sink import add_all
 from wrenchflow.errors import DatasetError, OutputError
 from wrenchflow.manifest import partial_of, write_json
 from wrenchflow.observation import Steps
@@ -35,8 +35,7 @@ _TRANSLATION = 3  # The first columns of an increment, in [m]; the others are in
 def write(path: Path, steps: Sequence[Steps], about: About, *, overwrite: bool = False) -> None:
     """Write episodes that are in memory; `writing` says the rest."""
     with writing(path, about, overwrite=overwrite) as sink:
-        for one in steps:
-            sink.add(one)
+        add_all(sink, steps)
 
 
 @contextmanager
@@ -86,14 +85,14 @@ class RobomimicSink:
     def __init__(self, file: h5py.File, about: About) -> None:
         self._file, self._about = file, about
         self._data = file.create_group("data")
-        self._admission = Admission()
+        self._first: Steps | None = None
         self._members: list[Member] = []
         self._total = 0
         self._largest = np.zeros(increments.WIDTH, np.float32)
 
     def add(self, steps: Steps) -> None:
         """Write an episode as the next demo."""
-        self._admission.admit(steps)
+        self._first = self._first or steps
         made = increments.increments(steps.observations["tcp_pose"], steps.actions)
         self._largest = np.maximum(self._largest, np.abs(made).max(axis=0))
         demo = self._data.create_group(f"demo_{len(self._members)}")
@@ -124,9 +123,9 @@ class RobomimicSink:
         Raises:
             DatasetError: If there was none.
         """
-        if self._admission.first is None:
+        if self._first is None:
             raise DatasetError("there is no episode to export.")
-        return self._admission.first
+        return self._first
 
     def finish(self) -> None:
         """Scale the actions, and write what is known of the whole."""
