@@ -336,14 +336,24 @@ class Info(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class Validate(Command):
-    """Look at every byte of a recording and say all that is wrong; exit code 1 if anything is."""
+    """Look at all of a recording or a data set and say all that is wrong; exit code 1 if anything is."""
 
-    path: Annotated[Positional[Path], arg(metavar="FILE", help="A recording (.mcap).")]
+    path: Annotated[Positional[Path], arg(metavar="FILE", help="A recording (.mcap), or a data set.")]
 
     def run(self) -> dict[str, Any]:
         """Do it."""
+        from wrenchflow.datasets.validation.check import check, is_dataset
         from wrenchflow.recording.validate import validate
 
+        if is_dataset(self.path):
+            checked = check(self.path)
+            problems = [line for each in checked for line in each.lines()]
+            return {
+                "valid": not problems,
+                "checked": [each.file for each in checked],
+                "problems": problems,
+                "streams": {},
+            }
         found = validate(self.path)
         return {
             "valid": not found.problems,

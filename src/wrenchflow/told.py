@@ -98,7 +98,8 @@ def _said(value: Any) -> str:
 
 def validation_lines(found: Mapping[str, Any]) -> list[str]:
     """What `validate` says: the verdict, each problem, and how regular each stream is."""
-    lines = ["valid" if found["valid"] else "not valid", *(f"  {problem}" for problem in found["problems"])]
+    checked = f": {', '.join(found['checked'])}" if "checked" in found else ""
+    lines = [("valid" if found["valid"] else "not valid") + checked, *(f"  {problem}" for problem in found["problems"])]
     width = max((len(name) for name in found["streams"]), default=0)
     if width:
         lines.append(f"{'stream':<{width}}  samples    rate     gaps  longest gap    jitter  not finite")

@@ -37,6 +37,18 @@ class Running:
         self._rows += rows
         self._steps += len(values)
 
+    def moments(self) -> dict[str, np.ndarray]:
+        """`min max mean std count`, which need no second look."""
+        mean = self._sum / self._rows
+        variance = np.maximum(self._squares / self._rows - mean * mean, 0.0)
+        return {
+            "min": self._lowest,
+            "max": self._highest,
+            "mean": self._origin + mean,
+            "std": np.sqrt(variance),
+            "count": np.array([self._steps], np.int64),
+        }
+
     def result(self, again: Blocks) -> dict[str, np.ndarray]:
         """The statistics, as `summary.summarise` has them.
 
@@ -47,14 +59,5 @@ class Running:
         def parts() -> Iterable[np.ndarray]:
             return (rows_of(part) for part in again())
 
-        mean = self._sum / self._rows
-        variance = np.maximum(self._squares / self._rows - mean * mean, 0.0)
         quantiles = quantiles_of(parts, self._lowest, self._highest, self._rows, list(QUANTILES.values()))
-        return {
-            "min": self._lowest,
-            "max": self._highest,
-            "mean": self._origin + mean,
-            "std": np.sqrt(variance),
-            "count": np.array([self._steps], np.int64),
-            **dict(zip(QUANTILES, quantiles, strict=True)),
-        }
+        return self.moments() | dict(zip(QUANTILES, quantiles, strict=True))

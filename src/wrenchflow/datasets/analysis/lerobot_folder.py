@@ -50,7 +50,7 @@ class LeRobotFolder:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Folder:
+class Folder:
     """A folder of which the small files are read.
 
     Attributes:
@@ -66,8 +66,14 @@ class _Folder:
     told: Mapping[int, Mapping[str, Any]]
 
     def trajectory(self, number: int, config: AnalysisConfig) -> Trajectory:
+        """An episode."""
         row = self.rows[number]
-        table = self._table(row)
+        wanted = [
+            name
+            for name, feature in self.info["features"].items()
+            if feature["dtype"] not in ("video", "image") and name != layout.WINDOW
+        ]
+        table = self.table(row, wanted)
         rate_hz = float(self.info["fps"])
         parts: dict[str, np.ndarray] = {}
         tables: dict[str, Table] = {}
@@ -113,17 +119,19 @@ class _Folder:
             + (() if is_timed else ("time stamps",)),
         )
 
-    def _table(self, row: Mapping[str, Any]) -> pa.Table:
-        """The rows of an episode; only those row groups of its file are read that hold some of them."""
+    def table(self, row: Mapping[str, Any], columns: Sequence[str]) -> pa.Table:
+        """The rows of an episode; only those row groups of its file are read that hold some of them.
+
+        Args:
+            row: The episode's, of `rows`.
+            columns: Those that are wanted.
+
+        Raises:
+            DatasetError: If its file holds other rows.
+        """
         path = self.root / layout.DATA.format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
-        file = _file(path)
-        wanted = [
-            name
-            for name, feature in self.info["features"].items()
-            if feature["dtype"] not in ("video", "image") and name != layout.WINDOW
-        ]
-        # The first column of the first row says where in the data set the file begins.
-        begin = row["dataset_from_index"] - _first_index(path)
+        file, first = _file(path, path.stat().st_mtime_ns)
+        begin = row["dataset_from_index"] - first
         groups, before, skipped = [], 0, 0
         for group in range(file.num_row_groups):
             count = file.metadata.row_group(group).num_rows
@@ -132,7 +140,7 @@ class _Folder:
             elif before < begin + row["length"]:
                 groups.append(group)
             before += count
-        table = file.read_row_groups(groups, columns=wanted).slice(begin - skipped, row["length"])
+        table = file.read_row_groups(groups, columns=list(columns)).slice(begin - skipped, row["length"])
         if len(table) != row["length"] or table["episode_index"].unique().to_pylist() != [row["episode_index"]]:
             raise DatasetError(
                 f"'{path.name}' does not hold the {row['length']} rows of episode {row['episode_index']}."
@@ -141,7 +149,16 @@ class _Folder:
 
 
 @lru_cache(maxsize=2)
-def _opened(root: Path) -> _Folder:
+def _opened(root: Path) -> Folder:
+    return read_folder(root)
+
+
+def read_folder(root: Path) -> Folder:
+    """Read the small files of a folder.
+
+    Raises:
+        DatasetError: If they cannot be read, are of another version, or name no episode.
+    """
     try:
         info = read_json(root / layout.INFO)
         version = str(info["codebase_version"])
@@ -160,17 +177,14 @@ def _opened(root: Path) -> _Folder:
         raise DatasetError(f"'{root}' cannot be read as a LeRobot data set: {error}") from error
     if not rows:
         raise DatasetError(f"'{root}' has no episodes in {_EPISODES}.")
-    return _Folder(root=root, info=info, rows=rows, told=told)
+    return Folder(root=root, info=info, rows=rows, told=told)
 
 
 @lru_cache(maxsize=4)
-def _file(path: Path) -> pq.ParquetFile:
-    return pq.ParquetFile(path, pre_buffer=False)
-
-
-@lru_cache(maxsize=64)
-def _first_index(path: Path) -> int:
-    return int(_file(path).read_row_group(0, columns=["index"])["index"][0].as_py())
+def _file(path: Path, changed_ns: int) -> tuple[pq.ParquetFile, int]:
+    """A data file, and the number in the data set of its first row; `changed_ns` tells it from another of its name."""
+    file = pq.ParquetFile(path, pre_buffer=False)
+    return file, int(file.read_row_group(0, columns=["index"])["index"][0].as_py())
 
 
 def _columns(info: Mapping[str, Any], feature: str, width: int) -> tuple[str, ...]:
