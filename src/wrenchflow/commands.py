@@ -30,6 +30,7 @@ from wrenchflow.command import (
     watch,
 )
 from wrenchflow.config import to_mapping
+from wrenchflow.curation_commands import Merge, Review, Select, Split
 from wrenchflow.dataset_commands import Analyze, Restore
 from wrenchflow.datasets.config import ExportConfig
 from wrenchflow.deploy.config import DeployConfig
@@ -236,7 +237,7 @@ class Export(Parallel):
     format: Annotated[
         Positional[str], arg(metavar="FORMAT", help="robomimic, lerobot, zarr, parquet, csv; several with commas.")
     ]
-    clean: Annotated[Positional[Path], arg(metavar="CLEAN", help="Folder of processed recordings.")]
+    clean: Annotated[Positional[Path], arg(metavar="CLEAN", help="Processed recordings: a folder, or a selection.")]
     out: Out
     config: Annotated[ExportConfig, _UNPREFIXED] = field(default_factory=ExportConfig)
 
@@ -453,6 +454,10 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
         "calibrate": Calibrate,
         "import": Import,
         "process": Process,
+        "review": Review,
+        "select": Select,
+        "merge": Merge,
+        "split": Split,
         "export": Export,
         "analyze": Analyze,
         "restore": Restore,
@@ -469,4 +474,8 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
 
 
 def _count(folder: Path) -> int:
+    if folder.is_file():
+        from wrenchflow.datasets.curation.selection import read_selection
+
+        return len(read_selection(folder).entries)
     return sum(1 for _ in folder.glob("*.mcap")) if folder.is_dir() else 0

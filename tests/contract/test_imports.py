@@ -35,6 +35,7 @@ COMMAND_LINE = {
     "command",
     "commands",
     "dataset_commands",
+    "curation_commands",
     "told",
     "__main__",
     "describe",

@@ -22,12 +22,14 @@ class About:
         wrench_stage: What was done to the wrench.
         wrench_group_delay_s: How far the causal filter makes the wrench lag behind slow changes [s].
         masks: Recordings by the name of a mask that is wanted beside those by split, task and operator.
+        splits: `train`, `valid` or `test` by recording, where somebody divided them; else they are by their ids.
     """
 
     config: ExportConfig = field(default_factory=ExportConfig)
     wrench_stage: str = "tared, gravity-compensated, causally filtered"
     wrench_group_delay_s: float | None = None
     masks: Mapping[str, Collection[str]] = field(default_factory=dict)
+    splits: Mapping[str, str] = field(default_factory=dict)
 
     def described(self, first: Steps) -> dict[str, Any]:
         """What every format says of the whole, as plain values.

@@ -14,6 +14,8 @@ from wrenchflow.datasets import lerobot, replay_buffer, robomimic, spreadsheet
 from wrenchflow.datasets.about import About
 from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.config import ExportConfig
+from wrenchflow.datasets.curation.review import EpisodeReview, apply_review, read_review
+from wrenchflow.datasets.curation.selection import find, read_selection
 from wrenchflow.datasets.grid import Grid
 from wrenchflow.datasets.load import LEROBOT_NAME, ROBOMIMIC_NAME
 from wrenchflow.datasets.pictures import cameras_of
@@ -72,6 +74,16 @@ class ExportedEpisode:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Item:
+    """A recording that is to be exported."""
+
+    path: Path
+    review: EpisodeReview | None = None
+    id: str = ""
+    split: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Sampled:
     """What a worker sends back of a recording."""
 
@@ -99,7 +111,8 @@ def export_folder(
 
     Args:
         formats: Some of `FORMATS`, with commas between; each recording is read once.
-        clean: Folder of processed `*.mcap`; it is only read.
+        clean: Folder of processed `*.mcap`, or a selection of such; it is only read. What `review.json` in it says is
+            done: trims, labels, tasks.
         out: Folder that gets `robomimic.hdf5` or `lerobot/`, and `<format>.manifest.json` beside it. It may hold the
             others already. A data set is there once the iterator is exhausted, and not before.
         config: How.
@@ -124,15 +137,16 @@ def export_folder(
             raise OutputError(
                 f"output '{out / format.name}' exists already. Choose another place, or pass --overwrite."
             )
-    paths = find_recordings(clean)
-    grid = _grid(config, paths)
+    items = _items(clean)
+    grid = _grid(config, [item.path for item in items])
+    splits = {item.id: item.split for item in items if item.split}
     with ExitStack() as stack:
-        data_set = _DataSet(chosen, out, config, stack, overwrite=overwrite)
+        data_set = _DataSet(chosen, out, config, splits, stack, overwrite=overwrite)
         reasons: dict[str, str] = {}
         hashes: dict[str, str] = {}
-        sampling = map_episodes(partial(_sample, config, grid), paths, jobs=jobs, executor=executor)
-        for path, sampled in zip(paths, sampling, strict=True):
-            hashes[path.name] = sampled.sha256
+        sampling = map_episodes(partial(_sample, config, grid), items, jobs=jobs, executor=executor)
+        for item, sampled in zip(items, sampling, strict=True):
+            hashes[item.path.name] = sampled.sha256
             if left_out := sampled.left_out or data_set.add(sampled):
                 reasons[sampled.id] = left_out
                 yield ExportedEpisode(id=sampled.id, left_out=left_out)
@@ -143,7 +157,7 @@ def export_folder(
                 parts=len(sampled.parts),
                 invalid=sum(_invalid(part) for part in sampled.parts),
             )
-        if len(reasons) == len(paths):
+        if len(reasons) == len(items):
             id, reason = next(iter(reasons.items()))
             raise DatasetError(f"no recording in '{clean}' can be exported; the first, {id}: {reason}.")
     for name in chosen:
@@ -158,12 +172,13 @@ class _DataSet:
         formats: Mapping[str, Format],
         out: Path,
         config: ExportConfig,
+        splits: Mapping[str, str],
         stack: ExitStack,
         *,
         overwrite: bool,
     ) -> None:
         self._formats, self._out, self._config, self._stack = formats, out, config, stack
-        self._overwrite = overwrite
+        self._splits, self._overwrite = splits, overwrite
         self._admission = Admission()
         self._group_delay_s: float | None = None
         self._sinks: list[Sink] = []
@@ -181,7 +196,7 @@ class _DataSet:
             return str(error).rstrip(".")
         if not self._sinks:
             self._group_delay_s = sampled.group_delay_s
-            about = About(config=self._config, wrench_group_delay_s=sampled.group_delay_s)
+            about = About(config=self._config, wrench_group_delay_s=sampled.group_delay_s, splits=self._splits)
             self._sinks = [
                 self._stack.enter_context(format.writing(self._out / format.name, about, overwrite=self._overwrite))
                 for format in self._formats.values()
@@ -227,10 +242,29 @@ def _invalid(steps: Steps) -> int:
     return int((~np.logical_and.reduce([*steps.valid.values(), np.ones(len(steps), bool)])).sum())
 
 
-def _sample(config: ExportConfig, grid: Grid, path: Path) -> _Sampled:
+def _items(clean: Path) -> list[_Item]:
+    """The recordings of a folder or of a selection, each with what a person said about it."""
+    if clean.is_file():
+        return [
+            _Item(path=one.path, review=one.review, id=one.entry.id, split=one.entry.split)
+            for one in find(read_selection(clean))
+        ]
+    said = read_review(clean).episodes
+    return [_Item(path=path, review=said.get(path.name)) for path in find_recordings(clean)]
+
+
+def _sample(config: ExportConfig, grid: Grid, item: _Item) -> _Sampled:
+    path, review = item.path, item.review
     sampled = _Sampled(id=path.stem, sha256=sha256_of(path))
+    if review is not None and review.sha256 != sampled.sha256:
+        return replace(sampled, left_out="it is another recording than the one that review.json speaks of")
+    if review is not None and review.label == "unusable":
+        return replace(sampled, left_out="reviewed as unusable" + (f": {review.note}" if review.note else ""))
     try:
-        episode = read_episode(path, STREAMS, messages=topics_of(grid))
+        # A trim counts from the first stamp of all.
+        episode = read_episode(path, STREAMS if review is None else None, messages=topics_of(grid))
+        if review is not None:
+            episode = apply_review(episode, review)
         sampled = replace(sampled, id=episode.id)
         process = episode.meta.get("process")
         group_delay_s = process.get("group_delay_s") if isinstance(process, Mapping) else None

@@ -36,8 +36,12 @@ def masks_of(members: Sequence[Member], about: About) -> Mapping[str, tuple[int,
         `train` and `valid`; `task_<name>` and `operator_<name>`; those that `about` names; and of each of these the
         part that trains and the part that validates, as `<name>_train` and `<name>_valid`.
     """
-    held_out = validation_ids({member.recording_id for member in members}, about.config.valid_fraction)
-    valid = {i for i, member in enumerate(members) if member.recording_id in held_out}
+    if about.splits:
+        sides = {name: {id for id, side in about.splits.items() if side == name} for name in ("valid", "test")}
+    else:
+        held_out = validation_ids({member.recording_id for member in members}, about.config.valid_fraction)
+        sides = {"valid": held_out, "test": frozenset()}
+    valid, test = ({i for i, each in enumerate(members) if each.recording_id in side} for side in sides.values())
     groups: dict[str, set[int]] = {}
     for i, member in enumerate(members):
         for kind, name in (("task", member.task), ("operator", member.operator)):
@@ -45,10 +49,10 @@ def masks_of(members: Sequence[Member], about: About) -> Mapping[str, tuple[int,
                 groups.setdefault(f"{kind}_{_plain(name)}", set()).add(i)
     for name, recordings in about.masks.items():
         groups[_plain(name)] = {i for i, member in enumerate(members) if member.recording_id in recordings}
-    everyone = set(range(len(members)))
-    found = {"train": everyone - valid, "valid": valid}
+    train = set(range(len(members))) - valid - test
+    found = {"train": train, "valid": valid, **({"test": test} if test else {})}
     for name, group in sorted(groups.items()):
-        found |= {name: group, f"{name}_train": group - valid, f"{name}_valid": group & valid}
+        found |= {name: group, f"{name}_train": group & train, f"{name}_valid": group & valid}
     return {name: tuple(sorted(group)) for name, group in found.items()}
 
 
