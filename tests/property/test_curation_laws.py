@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wrenchflow.datasets.curation.expression import parse
 from wrenchflow.datasets.curation.choose import split
+from wrenchflow.datasets.curation.expression import parse
 from wrenchflow.datasets.curation.selection import Entry, Selection
 from wrenchflow.datasets.curation.split_config import SplitConfig
 from wrenchflow.errors import ConfigError, DatasetError
