@@ -70,7 +70,10 @@ def writing(path: Path, about: About, *, overwrite: bool = False) -> Iterator["R
             os.fsync(written.fileno())
         os.replace(partial, path)
         write_json(config_path(path), training_config(path.name, sink.first))
-    except OSError as error:
+    except (OSError, RuntimeError) as error:
+        # Where a disk is full, h5py says so by a RuntimeError, when it closes the file.
+        if isinstance(error, RuntimeError) and "errno" not in str(error):
+            raise
         raise OutputError(f"output '{path}' cannot be written: {error}") from error
 
 

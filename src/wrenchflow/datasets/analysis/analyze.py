@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from wrenchflow.datasets.analysis.analysis import Analysis
 from wrenchflow.datasets.analysis.config import AnalysisConfig
@@ -16,7 +17,7 @@ from wrenchflow.datasets.analysis.tables import write_tables
 from wrenchflow.datasets.analysis.totals import Totals
 from wrenchflow.datasets.analysis.trajectory import Labels
 from wrenchflow.episodes_map import map_episodes
-from wrenchflow.errors import DatasetError, WrenchflowError
+from wrenchflow.errors import DatasetError, OutputError, WrenchflowError
 from wrenchflow.manifest import output_folder, write_manifest
 
 PAGE = "analysis.html"
@@ -62,9 +63,12 @@ def analyze(
             place, reason = totals.left_out[0]
             raise DatasetError(f"no episode of '{path}' can be looked at; the first, {place}: {reason}.")
         analysis = Analysis.of(source.kind, totals, config)
-        write_tables(partial_out, analysis)
-        (partial_out / PAGE).write_text(analysis_page(analysis))
-        write_manifest(partial_out, "analyze", config)
+        try:
+            write_tables(partial_out, analysis)
+            (partial_out / PAGE).write_text(analysis_page(analysis))
+            write_manifest(partial_out, "analyze", config)
+        except (OSError, pa.ArrowException) as error:
+            raise OutputError(f"output '{out}' cannot be written: {error}") from error
     yield analysis
 
 
