@@ -474,7 +474,7 @@ COMMANDS: Mapping[str, type[Command]] = MappingProxyType(
 
 
 def _count(folder: Path) -> int:
-    if folder.is_file():
+    if folder.suffix == ".json" and folder.is_file():
         from wrenchflow.datasets.curation.selection import read_selection
 
         return len(read_selection(folder).entries)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
-from wrenchflow.command import _UNPREFIXED, Command, ConfigFile, Overwrite
+from wrenchflow.command import _UNPREFIXED, Command, Overwrite, Stage
 from wrenchflow.config import to_mapping
 from wrenchflow.datasets.curation.split_config import SplitConfig
 
@@ -94,14 +94,12 @@ class Merge(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Split(Command):
+class Split(Stage):
     """Divide recordings into what trains, validates and tests, into OUT.json; a demonstration is never on two sides."""
 
     source: _From
     out: _To
     config: Annotated[SplitConfig, _UNPREFIXED] = field(default_factory=SplitConfig)
-    overwrite: Overwrite = False
-    config_file: ConfigFile = None
 
     def run(self) -> dict[str, Any]:
         """Do it."""

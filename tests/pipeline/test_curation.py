@@ -4,6 +4,7 @@ import json
 import shutil
 
 import h5py
+import pyarrow.parquet as pq
 import pytest
 
 from wrenchflow.datasets.load import load_steps
@@ -62,6 +63,29 @@ def test_a_selection_goes_through_to_the_masks(clean, wrenchflow, tmp_path):
             named = [str(file[f"data/{name.decode()}"].attrs["recording_id"]) for name in file[f"mask/{side}"]]
             assert sorted(named) == sorted(id for id, split in wanted.items() if split == side)
     assert wrenchflow("validate", tmp_path / "data").code == 0
+
+
+def test_masks_may_be_by_quality(clean, wrenchflow, tmp_path):
+    forces = {row["id"]: row["max_force"] for row in pq.read_table(clean / "quality.parquet").to_pylist()}
+    limit = sorted(forces.values())[2]
+    export = (
+        "export",
+        "robomimic",
+        clean,
+        tmp_path / "data",
+        "--jobs",
+        1,
+        "--masks",
+        f"gentle=peak_force_n <= {limit}",
+    )
+    assert wrenchflow(*export).code == 0
+    with h5py.File(tmp_path / "data" / "robomimic.hdf5") as file:
+        named = {str(file[f"data/{name.decode()}"].attrs["recording_id"]) for name in file["mask/gentle"]}
+        assert {"gentle_train", "gentle_valid"} < set(file["mask"])
+    assert named == {id for id, force in forces.items() if force <= limit}
+    assert len(named) == 3
+    bad = wrenchflow("export", "robomimic", clean, tmp_path / "other", "--masks", "max_force < 3")
+    assert (bad.code, "expected NAME=CONDITION" in bad.stderr) == (1, True)
 
 
 def test_a_selection_moves_with_its_recordings_and_knows_them_again(clean, wrenchflow, tmp_path):

@@ -23,6 +23,7 @@ class ExportConfig:
         image_px: Width and height of pictures in files of arrays; videos keep the camera's own.
         valid_fraction: Share of the recordings that is named for validation.
         only_success: Leave out attempts that do not say that they succeeded.
+        masks: Masks by quality, each as NAME=CONDITION on the quality table, such as gentle=max_force<10.
         next_obs: Write what follows each step beside it, which robomimic's algorithms for reinforcement learning want;
             it doubles the file.
     """
@@ -36,6 +37,7 @@ class ExportConfig:
     valid_fraction: float = 0.1
     only_success: bool = True
     next_obs: bool = False
+    masks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz <= 1000.0:

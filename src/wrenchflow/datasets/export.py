@@ -1,6 +1,6 @@
 """The stage `export`: clean recordings to data sets that peers' tools load, in one pass and in flat memory."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from wrenchflow.datasets import lerobot, replay_buffer, robomimic, spreadsheet
 from wrenchflow.datasets.about import About
 from wrenchflow.datasets.checks import Admission
 from wrenchflow.datasets.config import ExportConfig
+from wrenchflow.datasets.curation.choose import everything, masks_by_quality
 from wrenchflow.datasets.curation.review import EpisodeReview, apply_review, read_review
 from wrenchflow.datasets.curation.selection import find, read_selection
 from wrenchflow.datasets.grid import Grid
@@ -124,7 +125,7 @@ def export_folder(
         What became of each recording, in the order of the names.
 
     Raises:
-        ConfigError: If there is no such format.
+        ConfigError: If there is no such format, or a mask is none.
         OutputError: If a data set is there already, or cannot be written.
         RecordingError: If there is nothing to read.
         DatasetError: If no recording can be part of the data set.
@@ -140,8 +141,9 @@ def export_folder(
     items = _items(clean)
     grid = _grid(config, [item.path for item in items])
     splits = {item.id: item.split for item in items if item.split}
+    masks = masks_by_quality(everything(clean), config.masks) if config.masks else {}
     with ExitStack() as stack:
-        data_set = _DataSet(chosen, out, config, splits, stack, overwrite=overwrite)
+        data_set = _DataSet(chosen, out, config, splits, masks, stack, overwrite=overwrite)
         reasons: dict[str, str] = {}
         hashes: dict[str, str] = {}
         sampling = map_episodes(partial(_sample, config, grid), items, jobs=jobs, executor=executor)
@@ -173,12 +175,13 @@ class _DataSet:
         out: Path,
         config: ExportConfig,
         splits: Mapping[str, str],
+        masks: Mapping[str, Collection[str]],
         stack: ExitStack,
         *,
         overwrite: bool,
     ) -> None:
         self._formats, self._out, self._config, self._stack = formats, out, config, stack
-        self._splits, self._overwrite = splits, overwrite
+        self._splits, self._masks, self._overwrite = splits, masks, overwrite
         self._admission = Admission()
         self._group_delay_s: float | None = None
         self._sinks: list[Sink] = []
@@ -196,7 +199,12 @@ class _DataSet:
             return str(error).rstrip(".")
         if not self._sinks:
             self._group_delay_s = sampled.group_delay_s
-            about = About(config=self._config, wrench_group_delay_s=sampled.group_delay_s, splits=self._splits)
+            about = About(
+                config=self._config,
+                wrench_group_delay_s=sampled.group_delay_s,
+                masks=self._masks,
+                splits=self._splits,
+            )
             self._sinks = [
                 self._stack.enter_context(format.writing(self._out / format.name, about, overwrite=self._overwrite))
                 for format in self._formats.values()
@@ -244,7 +252,7 @@ def _invalid(steps: Steps) -> int:
 
 def _items(clean: Path) -> list[_Item]:
     """The recordings of a folder or of a selection, each with what a person said about it."""
-    if clean.is_file():
+    if clean.suffix == ".json":
         return [
             _Item(path=one.path, review=one.review, id=one.entry.id, split=one.entry.split)
             for one in find(read_selection(clean))

@@ -19,7 +19,7 @@ from wrenchflow.datasets.curation.selection import (
     source_of,
 )
 from wrenchflow.datasets.curation.split_config import SPLITS, SplitConfig
-from wrenchflow.errors import DatasetError
+from wrenchflow.errors import ConfigError, DatasetError
 from wrenchflow.manifest import read_manifest, sha256_of
 from wrenchflow.process.table import PARQUET
 from wrenchflow.recording.reader import find_recordings, read_info
@@ -27,7 +27,7 @@ from wrenchflow.recording.reader import find_recordings, read_info
 
 def everything(path: Path) -> Selection:
     """All recordings of a clean folder, as they were reviewed, or a selection as it is."""
-    if path.is_file():
+    if path.suffix == ".json":
         return read_selection(path)
     files = find_recordings(path)
     manifest = read_manifest(path) if (path / "manifest.json").exists() else {}
@@ -73,11 +73,7 @@ def select(selection: Selection, where: str, *, only_success: bool = False) -> S
         DatasetError: If there is no quality table, or nothing is left.
     """
     rows = _rows(selection) if where else {}
-    samples: dict[str, Any] = {}
-    for row in rows.values():
-        for name, value in row.items():
-            samples[name] = value if samples.get(name) is None else samples[name]
-    expression = parse(where, samples) if where else None
+    expression = parse(where, _samples(rows)) if where else None
     kept, left_out = [], list(selection.left_out)
     for entry in selection.entries:
         holds = True if expression is None else expression.matches(rows[entry.folder, entry.file])
@@ -110,6 +106,40 @@ def _rows(selection: Selection) -> dict[tuple[str, str], dict[str, Any]]:
             raise DatasetError(f"{PARQUET} of '{entry.folder}' has no row of {entry.id}: process the folder anew.")
         said = {name: getattr(entry, name) for name in ("task", "operator", "success", "split")}
         found[entry.folder, entry.file] = {**row, **said}
+    return found
+
+
+def _samples(rows: Mapping[tuple[str, str], Mapping[str, Any]]) -> dict[str, Any]:
+    """Of each column a value that is there, by which its kind is known."""
+    samples: dict[str, Any] = {}
+    for row in rows.values():
+        for name, value in row.items():
+            samples[name] = value if samples.get(name) is None else samples[name]
+    return samples
+
+
+def masks_by_quality(selection: Selection, masks: Sequence[str]) -> dict[str, frozenset[str]]:
+    """Ids of the recordings in each mask.
+
+    Args:
+        selection: What there is.
+        masks: Each as `NAME=CONDITION`, as `select` has conditions.
+
+    Raises:
+        ConfigError: If one is none.
+        DatasetError: If there is no quality table.
+    """
+    if not masks:
+        return {}
+    rows = _rows(selection)
+    ids = {(entry.folder, entry.file): entry.id for entry in selection.entries}
+    found: dict[str, frozenset[str]] = {}
+    for mask in masks:
+        name, equals, condition = mask.partition("=")
+        if not equals or not name.strip().isidentifier():
+            raise ConfigError(f"mask '{mask}' is none, expected NAME=CONDITION, as in gentle=max_force<10.")
+        expression = parse(condition, _samples(rows))
+        found[name.strip()] = frozenset(ids[key] for key, row in rows.items() if expression.matches(row))
     return found
 
 
